@@ -74,6 +74,7 @@ def test_a_pair_of_other_teeth_is_built_without_a_program():
     np.testing.assert_allclose(facts[1].base_radius, other.base_radius, rtol=1e-14)
 
 
+@pytest.mark.slow
 def test_verbs_of_dynamics_are_compiled_as_a_whole():
     """A pair in motion, its modes, a march and a sweep; other speeds and loads compile nothing."""
     grid = _grid(phases=32)

@@ -49,6 +49,7 @@ def _case():
     return model, grid, gauges
 
 
+@pytest.mark.slow
 def test_stresses_of_a_search_are_those_that_gauges_read():
     model, grid, gauges = _case()
     cycle = eqx.filter_jit(jg.mesh_cycle)(model, grid)

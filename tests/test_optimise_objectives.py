@@ -276,6 +276,7 @@ def test_search_ends_in_the_valley(search):
     assert _exact_rms(result.point) < 0.3
 
 
+@pytest.mark.slow
 def test_valley_found_is_that_of_the_master_curve(search):
     """Depth over the closed form with the stiffest pair: 0.80 to 0.90 within Gamma*."""
     _, result = search

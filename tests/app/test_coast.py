@@ -58,6 +58,7 @@ def mirrored(written):
     return _solved(written, "pair.helix_angle_deg=-12")
 
 
+@pytest.mark.slow
 def test_flanks_carry_as_those_of_the_mirrored_pair(helical, mirrored):
     for name in ("transmission_error_um", "pressure_MPa", "line_load_N_mm", "gap_um"):
         np.testing.assert_array_equal(helical.dataset[name], mirrored.dataset[name])

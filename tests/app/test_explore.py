@@ -114,6 +114,7 @@ def test_numbers_are_those_of_a_run(live, scene):
         assert np.max(found.pressure_MPa) == pytest.approx(largest, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_slopes_agree_with_central_differences(live):
     at = live.values(_MOVED)
     slopes = live.slopes(at, "te_rms_um")

@@ -32,6 +32,7 @@ def solved():
     return result.summary["sizing"], rows
 
 
+@pytest.mark.slow
 def test_numbers_are_those_of_a_run(solved):
     """One row against the cycle of a scene that has its amounts, on both gears."""
     depth, bias, torque = 6.0, 8.0, 90.0

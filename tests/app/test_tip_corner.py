@@ -46,6 +46,7 @@ def test_the_summary_and_the_dataset_have_the_pressure_of_the_corner(write):
     assert "Give wheel.tip_corner_radius_mm." in " ".join(result.notes)
 
 
+@pytest.mark.slow
 def test_without_contact_of_tips_it_does_nothing_and_says_so(write):
     result = studies.statics(read_scene(write(_SCENE), _CORNERS[1:]))
     assert "tip_corner_radius_mm does nothing without mesh.tip_contact" in " ".join(result.notes)

@@ -291,6 +291,7 @@ def test_a_scene_without_unbalance_asks_for_none(scene_of):
     assert not any(gear.shaft.unbalance for gear in scene.gears.values())
 
 
+@pytest.mark.slow
 def test_unbalance_of_a_scene_that_is_not_swept_is_told_to_do_nothing(scene_of):
     text = _ROTORS.replace("um = 1e-5", "um = 10.0") + _row("wheel", 50.0, 6.0)
     still = text[: text.index("[sweep]")] + text[text.index("[pinion]") :]

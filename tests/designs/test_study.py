@@ -242,6 +242,7 @@ def solved(tmp_path_factory):
     return path, jg.designs.run(path, folder / "out")
 
 
+@pytest.mark.slow
 def test_designs_are_what_a_study_of_each_finds(solved):
     _, found = solved
     table = found.table

@@ -185,6 +185,7 @@ def _hill(speed):
     return np.linalg.det(matrix / np.abs(np.diag(matrix))[:, None]).real
 
 
+@pytest.mark.slow
 def test_periods_double_where_hills_determinant_vanishes():
     # No contact is lost there, so that the oscillator is linear in its disturbances.
     edges = [(1.80, 2.00), (2.00, 2.20)]

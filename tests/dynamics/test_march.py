@@ -212,6 +212,7 @@ def test_marches_end_in_the_response_of_harmonic_balance():
         np.testing.assert_allclose(orbit.motion, reference.motion, rtol=0.0, atol=0.01)
 
 
+@pytest.mark.slow
 def test_mesh_force_obeys_newton():
     """M a = F - C v - K q - V g in every step of the midpoint rule, gears that only turn."""
     system = cases.torsional_pair(relief=15e-6).system

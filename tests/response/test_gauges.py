@@ -90,6 +90,7 @@ def test_readings_are_those_of_the_whole_body(kind):
     assert steps.sum() == pytest.approx(-2.0 * np.pi, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_gauge_in_motion_reads_what_it_reads_at_rest_where_nothing_accelerates():
     """On few modes: what they leave out of the teeth's loads and of heat is beside them."""
     grid = jg.mesh_grid(PAIRS["helical"](), phases=8, slices=2, periods=1)

@@ -292,6 +292,7 @@ def test_gradients_of_the_transmission_error():
         assert central == pytest.approx(forward, rel=1e-5), name
 
 
+@pytest.mark.slow
 def test_torques_at_once_are_torques_in_turn():
     at, values, _ = _variants()
     for i in (24, 25, 26):

@@ -122,6 +122,7 @@ def test_a_heated_wheel_rests_as_all_of_its_coordinates_say(kind):
     assert np.abs(np.asarray(cold.force) - np.asarray(cycle.force)).max() > 10.0
 
 
+@pytest.mark.slow
 @every_kind
 def test_a_heated_wheel_in_motion_rests_as_it_does_in_statics(kind):
     """On few modes and mesh coordinates: what they leave out of the heat is in the gaps."""
