@@ -26,9 +26,6 @@ from jaxgear.study._sweeping import Sweep
 # At most so many speeds, one for so many of the sweep; how far off a response may be unsaid [-].
 _MOST, _EACH, _TOLERANCE = 4, 8, 0.01
 
-# Mesh coordinates then, as many as of the reference of `compare`.
-_AT_MESH = 24
-
 
 class ShapeCheck(NamedTuple):
     """Responses at a few speeds, and how far off they are from those with more modes.
@@ -108,7 +105,7 @@ def shape_check(built: BuiltScene, dynamics: Dynamics, found: Sweep) -> ShapeChe
     if not (richer and chosen.size and isinstance(method, HarmonicBalance)):
         return None
     whole = dataclasses.replace(scene, bodies=MappingProxyType({**scene.bodies, **richer}))
-    whole = whole.replace({"model.mesh_coordinates": max(_AT_MESH, scene.at_mesh)})
+    whole = whole.replace({"model.mesh_coordinates": scene.at_mesh_of_reference})
     pair = pair_in_motion(BuiltScene(whole))
     speeds = found.speeds[chosen]
     answers = timed(each, method, pair.system, speeds)

@@ -23,8 +23,8 @@ _SAME_BRANCH = 0.03
 _STABLE = 1.0 + 1e-6
 # Keys that leave the physical model as it is.
 _NUMERICAL = {"mesh.slices", "sweep.steps", "sweep.harmonics"}
-# Of the richer model: modes of all bodies together, and combinations that the mesh tells apart.
-_MODES, _COORDINATES = 800, 24
+# Of the richer model: modes of all bodies together.
+_MODES = 800
 
 
 class MethodsProblem(AbstractMotion):
@@ -130,7 +130,7 @@ class BodiesProblem(AbstractMotion):
         self.richest = {
             "model.shapes": "natural",
             "model.coordinates": most,
-            "model.mesh_coordinates": max(_COORDINATES, scene.at_mesh),
+            "model.mesh_coordinates": scene.at_mesh_of_reference,
             "sweep.steps": 2 * scene.sweep.steps,
         }
 
