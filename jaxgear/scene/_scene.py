@@ -97,7 +97,7 @@ class Scene(AbstractTables):
     def at_mesh_of_reference(self) -> int:
         """Such combinations where many modes judge few: more modes move leaning teeth in more ways.
 
-        Of the power wheel on 1600 modes 24 leave out 1.2 % of the RMS of transmission error, 40 0.1.
+        Of the power wheel on 1600 modes 24 leave out 1.2 % of RMS of transmission error, 40 0.1 %.
         The unknowns of a cycle of many mesh periods would not fit the memory with as many.
         """
         lean = bool(self.plain.pair.helix_angle_deg) and self.mesh.periods == 1
