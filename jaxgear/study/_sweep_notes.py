@@ -9,6 +9,7 @@ import numpy as np
 
 import optimise
 from jaxgear._system._body_modes import BodyBasis
+from jaxgear._system._excited_shapes import natural_among
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._tables import SweepKeys
 from jaxgear.study._dynamics import Size, method_name, speeds_of
@@ -53,9 +54,11 @@ def sweep_notes(scene: Scene, unsettled: int, responses: int, lost: list[str]) -
 
 
 def _natural(body: Any) -> BodyBasis:
-    """The natural modes of a body in motion: of excited shapes they are the lower half."""
+    """The natural modes of a body in motion; of excited shapes they are the lowest."""
     basis: BodyBasis = body.basis
-    count = len(basis.square) // (1 if body.on_modes is None else 2)
+    count = len(basis.square)
+    if body.on_modes is not None:
+        count = natural_among(count, basis.waves)
     return dataclasses.replace(
         basis, square=basis.square[:count], diameters=basis.diameters[:count]
     )
