@@ -329,7 +329,8 @@ def test_a_condensed_wheel_from_its_drawing_to_its_waves(folder, capsys, monkeyp
     assert waves["gear"] == "wheel"
     assert len(waves["probes"]) == 4
     (said,) = (note for note in summary["notes"] if "sweep.harmonics = 5" in note)
-    assert "mode 15 of the wheel's body" in said
+    # A quarter of sixteen shapes are natural modes, without the first of a pair.
+    assert "mode 3 of the wheel's body" in said
     with xr.open_dataset(out / "sweep" / "result.nc", group="waves") as dataset:
         load = dataset["max_line_load_N_mm"].values[0]
         pressure = dataset["max_pressure_MPa"].values[0]

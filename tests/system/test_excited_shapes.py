@@ -20,7 +20,7 @@ from jaxgear._geometry._lines import contact_lines
 from jaxgear._response._body_motion import BodyMotion, _by_parts, rotating_spectrum
 from jaxgear._system._body_modes import BodyBasis, BodyModes, body_basis
 from jaxgear._system._body_tables import flexible_body
-from jaxgear._system._excited_shapes import excited_shapes
+from jaxgear._system._excited_shapes import excited_shapes, natural_among
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._foot_tables import mode_arms
 from jaxgear._system._mode_combinations import Combinations
@@ -59,6 +59,15 @@ def test_shapes_are_of_unit_mass_and_apart_in_stiffness(name):
     assert_near(onto(body.mass), np.eye(len(shapes.square)), 1e-8)
     root = np.sqrt(shapes.square)
     assert_near(onto(body.stiffness) / root / root[:, None], np.eye(len(root)), 1e-6)
+
+
+def test_a_quarter_of_the_shapes_are_natural_modes_and_no_pair_is_parted():
+    *_, basis, shapes = _case("plain")
+    count = natural_among(COUNT, basis.waves)
+    assert count in (COUNT // 4, COUNT // 4 - 1)
+    assert basis.waves[count] >= 0
+    assert_near(shapes.square[:count], basis.square[:count], 1e-12)
+    assert np.all(shapes.square[count:] > shapes.square[count - 1])
 
 
 @every_body
