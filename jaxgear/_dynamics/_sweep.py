@@ -23,7 +23,7 @@ from jaxgear._dynamics._harmonic import (
     harmonic_balance_problem,
 )
 from jaxgear._dynamics._march import TimeHistory, TimeStepping, march_on, quasi_static_start
-from jaxgear._dynamics._orbit import Orbit
+from jaxgear._dynamics._orbit import Orbit, mesh_scales
 from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steady_state import orbit_of
 from jaxgear._dynamics._steppers import Exponential
@@ -43,11 +43,12 @@ _PATIENCE, _DISTURBANCE = 5, 0.1
 # the march than by this part of their swing.
 _APART = 0.3
 
-# From one speed to the next a response may move so far, in its swing. Where it would move further,
-# or is lost, the way there is halved, at most so often; and where that does not help either, it is
-# asked whether the machine would go there. Steps along one branch move by less than 0.25 on the
-# coarsest grids of speeds that were tried, a false one by 0.7.
-_STEP, _HALVINGS = 0.3, 5
+# From one speed to the next a vibration may change so far, in its swing or, where that is more, by so
+# much of the static deflection: no jump is as small. Where it would change further, or is lost, the
+# way there is halved, at most so often; and where that does not help either, it is asked whether
+# the machine would go there. Steps along one branch move by less than 0.25 on the coarsest grids of
+# speeds that were tried, a false one by 0.7.
+_STEP, _SLIGHT, _HALVINGS = 0.3, 0.01, 5
 
 # It also counts if a march of several times the length has come closer to it by this factor.
 _APPROACH = 0.8
@@ -174,6 +175,7 @@ class Finder:
         self.modes = modal_basis(system)
         self.slow = slow_modes(self.modes)
         self.rest = quasi_static_start(system)
+        self.deflection = float(mesh_scales(system)[0])
         method = settings.method
         self.harmonic = method if isinstance(method, HarmonicBalance) else HarmonicBalance()
         # Whatever is looked for obeys the law of the sweep.
@@ -208,7 +210,7 @@ class Finder:
         # One step that would be too long again is not tried.
         step = self._halved if self.far and last.settled else self._followed
         found = step(speed, last, _HALVINGS)
-        self.far = not _near(found, last)
+        self.far = not self._near(found, last)
         return found
 
     def _followed(self, speed: Scalar, last: SweepPoint, halvings: int) -> SweepPoint:
@@ -217,13 +219,22 @@ class Finder:
             # What does not repeat is not left for a response that does, unless it ends there.
             return self._searched(self.shooting, speed, last.orbit.start)
         found = self._balanced(speed, last.multiple, last.orbit.place)
-        near = _near(found, last)
+        near = self._near(found, last)
         if halvings > 0 and not near:
             return self._halved(speed, last, halvings)
         found = self._judged(found)
         if near and found.stable:
             return found
         return self._left(found, speed, last.orbit.start)
+
+    def _near(self, found: SweepPoint, last: SweepPoint) -> bool:
+        """Whether a response has settled within one step of the last one.
+
+        About their means: bodies that grow with speed move these, within one branch.
+        """
+        new, old = (approach - approach.mean() for approach in _last(found, last.orbit))
+        step = max(_STEP * np.ptp(old), _SLIGHT * self.deflection)
+        return found.settled and bool(np.abs(new - old).max() <= step)
 
     def _halved(self, speed: Scalar, last: SweepPoint, halvings: int) -> SweepPoint:
         """The same in two steps."""
@@ -350,17 +361,18 @@ def _apart(point: SweepPoint | None, other: Orbit | TimeHistory) -> float:
     return np.inf if point is None or not point.stable else _moved(point, other)
 
 
-def _near(point: SweepPoint, last: SweepPoint) -> bool:
-    """Whether a response has settled within one step of the last one."""
-    return point.settled and _moved(point, last.orbit) <= _STEP
-
-
 def _moved(point: SweepPoint, other: Orbit | TimeHistory) -> float:
     """How far a response lies from the last cycles of a motion, over its swing [-]."""
+    own, last = _last(point, other)
+    return float(np.abs(own - last).max() / np.ptp(last))
+
+
+def _last(point: SweepPoint, other: Orbit | TimeHistory) -> tuple[np.ndarray, np.ndarray]:
+    """Approach of a response, and of a motion in its last cycles, equally long [m]."""
     own = point.orbit.place
     steps = max(own.shape[0], min(other.place.shape[0], 2 * own.shape[0]))
     last = lambda place: np.resize(np.asarray(place)[-steps:, 0], steps)
-    return float(np.abs(last(own) - last(other.place)).max() / np.ptp(last(other.place)))
+    return last(own), last(other.place)
 
 
 def _over_cycles(method, multiple: int):
