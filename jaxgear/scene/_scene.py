@@ -91,7 +91,7 @@ class Scene(AbstractTables):
     @property
     def at_mesh(self) -> int:
         """Combinations of what condensed bodies move that the mesh tells apart."""
-        return self.model.at_mesh(self.plain.pair.helix_angle_deg)
+        return self.model.at_mesh(self.plain.pair.helix_angle_deg, self.mesh.periods)
 
     @property
     def at_mesh_of_reference(self) -> int:

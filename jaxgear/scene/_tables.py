@@ -129,7 +129,8 @@ class ModelKeys(AbstractKeys):
         default="excited",
     )
     mesh_coordinates: int | None = key(
-        "combinations of these that the mesh tells apart; 12 unless said, of helical teeth 16",
+        "combinations of these that the mesh tells apart; 12 unless said, of helical teeth 20, 16 "
+        "where a cycle has many mesh periods",
         "[4, 60]",
     )
 
@@ -144,9 +145,12 @@ class ModelKeys(AbstractKeys):
         """Natural modes of which they are made, 0: all."""
         return self.modes * (_CANDIDATES if self.shapes == "excited" else 1)
 
-    def at_mesh(self, helix: float) -> int:
-        """Combinations of them that the mesh tells apart: leaning teeth are loaded all over."""
-        usual = 16 if helix else 12
+    def at_mesh(self, helix: float, periods: int) -> int:
+        """Combinations of them that the mesh tells apart in a cycle of so many mesh periods.
+
+        Leaning teeth are loaded all over; unknowns are as many for each harmonic of the cycle.
+        """
+        usual = 12 if not helix else 20 if periods == 1 else 16
         return usual if self.mesh_coordinates is None else self.mesh_coordinates
 
     fidelity: Literal["as given", "auto"] = key(
