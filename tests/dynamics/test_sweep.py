@@ -1,7 +1,9 @@
 """Sweeps: both directions of B5 (a), with its jumps and its sub-harmonic branch."""
 
+import dataclasses
 import functools
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from dynamics import cases
@@ -11,7 +13,7 @@ from jaxgear._dynamics._harmonic import HarmonicBalance
 from jaxgear._dynamics._march import TimeStepping
 from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steppers import Exponential
-from jaxgear._dynamics._sweep import Direction, SweepSettings, sweep
+from jaxgear._dynamics._sweep import Direction, Finder, SweepSettings, sweep
 from jaxgear._response._dynamic import dynamic_ratio
 
 SPEEDS = [0.5, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 1.5, 1.8, 1.9, 2.0, 2.1, 2.3]
@@ -85,6 +87,28 @@ def test_what_cannot_be_swept_is_refused():
 
 
 # --- Steps of speed
+
+
+def test_a_step_is_judged_by_the_vibration():
+    """Bodies that grow with speed move the mean; hardly a hundredth of the deflection is no jump."""
+    finder = Finder(cases.sdof_parametric(steps=200), METHODS["harmonic"])
+    last = finder.next(jnp.asarray(2.3), None)
+
+    def near(stretched: float, moved: float, swing: float = 1.0) -> bool:
+        """Whether a vibration of so many static deflections is followed by such a one."""
+        shape = np.asarray(last.orbit.place) - np.asarray(last.orbit.place).mean(axis=0)
+        shape = shape * swing / np.ptp(shape)
+        at = lambda place: dataclasses.replace(
+            last, orbit=dataclasses.replace(last.orbit, place=jnp.asarray(place))
+        )
+        return finder._near(at(stretched * shape + moved), at(shape))
+
+    assert finder.deflection == pytest.approx(1.0)
+    assert near(1.2, 0.0)
+    assert near(1.2, 10.0)
+    assert not near(2.0, 0.0)
+    assert near(2.0, 0.0, swing=0.01)
+    assert not near(4.0, 0.0, swing=0.01)
 
 
 def _ratios(system, speeds, direction) -> list[float]:
