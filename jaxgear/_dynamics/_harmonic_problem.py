@@ -1,4 +1,9 @@
-"""The equations of a harmonic balance, and Newton's search for their root."""
+r"""The equations of a harmonic balance, and Newton's search for their root.
+
+A step is solved for directly or, where a cycle of many mesh periods has thousands of unknowns, by
+GMRES (Saad and Schultz 1986), which needs products alone: the matrix $1 + R(\partial g/\partial n
+- \bar k)$ is close to the unit matrix, since the receptance $R$ falls with frequency.
+"""
 
 import functools
 import operator
@@ -6,6 +11,7 @@ import operator
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.scipy.sparse.linalg import gmres
 
 from jaxgear._dynamics._cell_forces import mean_load, mesh_load
 from jaxgear._dynamics._orbit import derivative_if
@@ -213,6 +219,42 @@ def _slope(problem: Problem, terms: Terms, slopes: list[tuple[StepMatrices, Basi
     return matrix.reshape(width * count, width * count)
 
 
+# A step of more unknowns is iterated for. Directly 2000 take half a second, 10,000 half a minute.
+MOST_DIRECT = 2000
+
+# What iteration leaves of the right-hand side: in a step what the next one has to mend in any case,
+# in a derivative close to nothing. Directions kept at once, and how often it begins anew.
+_LEAST_LEFT, _MOST_LEFT, _LEFT_OF_DERIVATIVES = 1e-8, 1e-3, 1e-12
+_KEPT, _ANEW = 200, 3
+
+
+def _change(problem: Problem, slopes: list[tuple[StepMatrices, Basis]], change: Terms) -> Terms:
+    """Derivative of the imbalance along a change of the harmonics, over its scales."""
+    moved = change.T * problem.scales[None, :]
+    pushed = [
+        jnp.einsum("sij,sj->si", tangent, values @ moved, optimize=True)
+        for tangent, values in slopes
+    ]
+    load = problem.analysis @ functools.reduce(operator.add, pushed)
+    missing = _missing(problem, moved[:, :, None], load[:, :, None])[:, :, 0]
+    return missing.T / problem.scales[:, None]
+
+
+def _answer(
+    problem: Problem, slopes: list[tuple[StepMatrices, Basis]], missing: Terms, left: Scalar | float
+) -> Terms:
+    """The change of the harmonics whose imbalance is the one given, if contact stays as it is."""
+    if missing.size <= MOST_DIRECT:
+        matrix = _slope(problem, missing, slopes)
+        return jnp.linalg.solve(matrix, missing.reshape(-1)).reshape(missing.shape)
+    options = {"restart": _KEPT, "maxiter": _ANEW, "solve_method": "incremental"}
+    solve = lambda product, right: gmres(product, right, tol=left, **options)[0]
+    # Iteration in JAX cannot be transposed, as its tolerance depends on the right-hand side.
+    product = functools.partial(_change, problem, slopes)
+    found = jax.lax.custom_linear_solve(product, missing, solve, transpose_solve=solve)
+    return found * problem.scales[:, None]
+
+
 class _Search(eqx.Module):
     """Where Newton's method stands.
 
@@ -246,8 +288,9 @@ def root_of(
     tolerance, most_steps = settings
 
     def step_of(missing: Terms, slopes: list[tuple[StepMatrices, Basis]]) -> Terms:
-        matrix = _slope(problem, missing, slopes)
-        return jnp.linalg.solve(matrix, missing.reshape(-1)).reshape(missing.shape)
+        error = jnp.max(jnp.abs(missing))
+        left = jnp.clip(jnp.maximum(error, _ROUNDING / error), _LEAST_LEFT, _MOST_LEFT)
+        return _answer(problem, slopes, missing, left)
 
     def body(state: _Search) -> _Search:
         _, total, slopes = loads_of(problem, state.trial)
@@ -282,11 +325,12 @@ def root_of(
 def _root_tangent(settings, primals, tangents):
     problem, first = primals
     terms, error, steps = root_of(settings, problem, first)
-    matrix = linearised(problem, terms)[1]
     _, change = jax.jvp(lambda p: imbalance(p, terms), (problem,), (tangents[0],))
-    # What is not a response has no derivative, and its matrix may be singular.
+    # What is not a response has no derivative. Its matrix may be singular, that of the mean is not.
     found = error <= settings[0]
-    matrix = jnp.where(found, matrix, jnp.eye(matrix.shape[0]))
-    moved = -jnp.linalg.solve(matrix, change.reshape(-1)).reshape(change.shape)
+    (first_slope, values), *others = loads_of(problem, terms)[2]
+    slopes = [(jnp.where(found, first_slope, problem.mean), values)]
+    slopes += [(jnp.where(found, each, 0.0), own) for each, own in others]
+    moved = -_answer(problem, slopes, change, _LEFT_OF_DERIVATIVES)
     moved = derivative_if(found, moved)
     return (terms, error, steps), (moved, jnp.zeros_like(error), jnp.zeros_like(steps))

@@ -43,10 +43,10 @@ _PATIENCE, _DISTURBANCE = 5, 0.1
 # the march than by this part of their swing.
 _APART = 0.3
 
-# From one speed to the next a vibration may change so far, in its swing or, where that is more, by so
-# much of the static deflection: no jump is as small. Where it would change further, or is lost, the
-# way there is halved, at most so often; and where that does not help either, it is asked whether
-# the machine would go there. Steps along one branch move by less than 0.25 on the coarsest grids of
+# From one speed to the next a vibration may change so far, in its swing or, where that is more, in
+# the static deflection: no jump is as small. Where it would change further, or is lost, the way
+# there is halved, at most so often; and where that does not help either, it is asked whether the
+# machine would go there. Steps along one branch move by less than 0.25 on the coarsest grids of
 # speeds that were tried, a false one by 0.7.
 _STEP, _SLIGHT, _HALVINGS = 0.3, 0.01, 5
 

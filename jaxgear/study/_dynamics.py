@@ -29,8 +29,8 @@ from jaxgear.study._result import Summary
 from jaxgear.study._running import timed
 from jaxgear.study._statics import Statics, require_solved, settled_statics, solve_statics
 
-# A harmonic balance of more unknowns takes longer than a march: of 1600 it takes 1.2 s of a rigid pair
-# (20 mesh periods), 0.5 s of 250 shapes, where 100 mesh periods of marching take 2 and 4 s.
+# A harmonic balance of more unknowns takes longer than a march: of 1600 it takes 1.2 s of a rigid
+# pair (20 mesh periods), 0.5 s of 250 shapes, where 100 mesh periods of marching take 2 and 4 s.
 MOST_UNKNOWNS = 1600
 
 

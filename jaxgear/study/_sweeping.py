@@ -19,7 +19,15 @@ from jaxgear._dynamics._system import PairDynamics
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._response._measured import Measured, measured
 from jaxgear.scene._tables import SweepKeys
-from jaxgear.study._dynamics import Dynamics, directions_of, settings_of, size_of, speeds_of
+from jaxgear.study._dynamics import (
+    MOST_UNKNOWNS,
+    Dynamics,
+    directions_of,
+    settings_of,
+    size_of,
+    speeds_of,
+    unknowns_of,
+)
 from jaxgear.study._statics import SolverFailure
 
 # Settled responses whose dynamic ratios differ by more than this, relative to them, are two.
@@ -192,7 +200,9 @@ def sweep_of(
     dynamics = moving.pair
     speeds, seconds, followed = speeds_of(asked), {}, asked.continuation
     if followed is None:
-        followed = asked.direction == "both"
+        # The matrix of a branch is written out, and solved at each of its points.
+        few = unknowns_of(asked, size_of(dynamics)) <= MOST_UNKNOWNS
+        followed = asked.direction == "both" and few
     method = settings_of(law, asked, size_of(dynamics)).method
     responses: dict[Direction, tuple[Response, ...]] = {}
     stopped = False

@@ -8,11 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from dynamics import cases
+from fem_cases import assert_near
 from helpers import quick
 
 import jaxgear as jg
+from jaxgear._dynamics import _harmonic_problem
 from jaxgear._dynamics._harmonic import HarmonicBalance, harmonic_balance_problem
-from jaxgear._dynamics._harmonic_problem import imbalance, linearised
+from jaxgear._dynamics._harmonic_problem import imbalance, linearised, root_of
 from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steady_state import steady_state, steady_states
 from jaxgear._dynamics._steppers import Midpoint
@@ -51,6 +53,48 @@ def test_matrix_is_the_derivative_of_the_residual(name):
 
     ours, expected = both(0.1)
     np.testing.assert_allclose(ours, expected, rtol=1e-10, atol=1e-10)
+
+
+@pytest.mark.parametrize("name", quick(1, ["averaged", "bow", "exact", "two", "cell damping"]))
+def test_iteration_finds_what_the_matrix_does(name, monkeypatch):
+    """A response with open cells, and its derivatives by speed and load in both directions."""
+    system, method = _variant(name)
+    at = jnp.asarray([0.9, 0.3])
+
+    def response(at):
+        balance = harmonic_balance_problem(
+            method, dataclasses.replace(system, load=at[1] * system.load)
+        )
+        problem, _ = balance.at_speed(at[0])
+        terms, error, steps = root_of((1e-9, 60), problem, balance.rest)
+        return terms, (error, steps)
+
+    def found():
+        """Each time a program of its own."""
+        both = [lambda x, by=by: by(response, has_aux=True)(x) for by in (jax.jacfwd, jax.jacrev)]
+        (forward, seen), (reverse, _) = (jax.jit(each)(at) for each in both)
+        return jax.jit(lambda x: response(x)[0])(at), forward, reverse, seen
+
+    expected = found()
+    monkeypatch.setattr(_harmonic_problem, "MOST_DIRECT", 0)
+    for one, other in zip(found()[:3], expected[:3], strict=True):
+        assert_near(np.asarray(one), np.asarray(other), 1e-10)
+    error, steps = expected[3]
+    assert float(error) <= 1e-9
+    assert float(steps) > 2.0
+
+
+def test_long_cycles_are_iterated_for():
+    """Of a thousand and more harmonics, whose matrix would have 0.5 GB."""
+    system = cases.two_dof(steps=48)
+    orbits = [
+        jax.jit(lambda s, m=m: m.orbit(s, jnp.asarray(0.9)))(system)
+        for m in (HarmonicBalance(harmonics=20), HarmonicBalance(harmonics=20, multiple=50))
+    ]
+    assert 2 * (2 * 20 * 50 + 1) > 2 * _harmonic_problem.MOST_DIRECT
+    assert all(bool(orbit.settled) for orbit in orbits)
+    one, many = (np.asarray(orbit.place) for orbit in orbits)
+    assert_near(many, np.tile(one, (50, 1)), 1e-9)
 
 
 @pytest.mark.slow

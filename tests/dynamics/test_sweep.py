@@ -90,7 +90,7 @@ def test_what_cannot_be_swept_is_refused():
 
 
 def test_a_step_is_judged_by_the_vibration():
-    """Bodies that grow with speed move the mean; hardly a hundredth of the deflection is no jump."""
+    """Growth with speed moves the mean; a hundredth of the static deflection is no jump."""
     finder = Finder(cases.sdof_parametric(steps=200), METHODS["harmonic"])
     last = finder.next(jnp.asarray(2.3), None)
 
