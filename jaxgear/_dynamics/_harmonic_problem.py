@@ -7,6 +7,7 @@ GMRES (Saad and Schultz 1986), which needs products alone: the matrix $1 + R(\pa
 
 import functools
 import operator
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -247,8 +248,9 @@ def _answer(
     if missing.size <= MOST_DIRECT:
         matrix = _slope(problem, missing, slopes)
         return jnp.linalg.solve(matrix, missing.reshape(-1)).reshape(missing.shape)
-    options = {"restart": _KEPT, "maxiter": _ANEW, "solve_method": "incremental"}
-    solve = lambda product, right: gmres(product, right, tol=left, **options)[0]
+    options: dict[str, Any] = {"tol": left, "restart": _KEPT, "maxiter": _ANEW}
+    options["solve_method"] = "incremental"
+    solve = lambda product, right: gmres(product, right, **options)[0]
     # Iteration in JAX cannot be transposed, as its tolerance depends on the right-hand side.
     product = functools.partial(_change, problem, slopes)
     found = jax.lax.custom_linear_solve(product, missing, solve, transpose_solve=solve)
