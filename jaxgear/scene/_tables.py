@@ -129,7 +129,7 @@ class ModelKeys(AbstractKeys):
         default="excited",
     )
     mesh_coordinates: int | None = key(
-        "combinations of these that the mesh tells apart; 12 unless said, of helical teeth 20, 16 "
+        "combinations of these that the mesh tells apart; 12 unless said, of helical teeth 20, 24 "
         "where a cycle has many mesh periods",
         "[4, 60]",
     )
@@ -148,9 +148,9 @@ class ModelKeys(AbstractKeys):
     def at_mesh(self, helix: float, periods: int) -> int:
         """Combinations of them that the mesh tells apart in a cycle of so many mesh periods.
 
-        Leaning teeth are loaded all over; unknowns are as many for each harmonic of the cycle.
+        Leaning teeth are loaded all over, and where holes pass by, each tooth in another way.
         """
-        usual = 12 if not helix else 20 if periods == 1 else 16
+        usual = 12 if not helix else 20 if periods == 1 else 24
         return usual if self.mesh_coordinates is None else self.mesh_coordinates
 
     fidelity: Literal["as given", "auto"] = key(
