@@ -223,7 +223,8 @@ class SweepKeys(AbstractKeys):
     )
     orders: int = key("orders of the mesh frequency written down", "[1, 200]", 8)
     continuation: bool | None = key(
-        "whether the branch is followed round its folds too; default: with direction = both"
+        "whether the branch is followed round its folds too; default: with direction = both, but "
+        "for cycles of very many mesh periods"
     )
     check_shapes: bool = key(
         "whether responses at a few speeds are found again with all natural modes of which the "

@@ -137,6 +137,16 @@ def unknowns_of(asked: SweepKeys, size: Size) -> int:
     return size.coordinates * (2 * asked.harmonics * size.periods + 1)
 
 
+def is_followed(asked: SweepKeys, size: Size) -> bool:
+    """Whether the branch is followed round its folds: as the scene says, or with both directions.
+
+    A matrix of all unknowns is solved at each of its points.
+    """
+    if asked.continuation is not None:
+        return asked.continuation
+    return asked.direction == "both" and unknowns_of(asked, size) <= MOST_UNKNOWNS
+
+
 def method_name(asked: SweepKeys, size: Size) -> str:
     """The method of a sweep: what the scene says, or what it leaves to the program."""
     if asked.method != "auto":

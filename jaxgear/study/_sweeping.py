@@ -20,13 +20,12 @@ from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._response._measured import Measured, measured
 from jaxgear.scene._tables import SweepKeys
 from jaxgear.study._dynamics import (
-    MOST_UNKNOWNS,
     Dynamics,
     directions_of,
+    is_followed,
     settings_of,
     size_of,
     speeds_of,
-    unknowns_of,
 )
 from jaxgear.study._statics import SolverFailure
 
@@ -198,11 +197,8 @@ def sweep_of(
 ) -> Sweep:
     """Sweep a pair in all directions that are asked for, and follow its branch."""
     dynamics = moving.pair
-    speeds, seconds, followed = speeds_of(asked), {}, asked.continuation
-    if followed is None:
-        # The matrix of a branch is written out, and solved at each of its points.
-        few = unknowns_of(asked, size_of(dynamics)) <= MOST_UNKNOWNS
-        followed = asked.direction == "both" and few
+    speeds, seconds = speeds_of(asked), {}
+    followed = is_followed(asked, size_of(dynamics))
     method = settings_of(law, asked, size_of(dynamics)).method
     responses: dict[Direction, tuple[Response, ...]] = {}
     stopped = False

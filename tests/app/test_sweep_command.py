@@ -220,6 +220,21 @@ def test_long_cycles_are_marched(folder):
     assert isinstance(settings("sweep.method=newmark").method, TimeStepping)
 
 
+def test_branches_are_followed_with_both_directions_but_over_long_cycles(folder):
+    path = _scene(folder, _SPUR + _SWEEP, "followed.toml")
+
+    def followed(periods: int, *overrides: str) -> bool:
+        asked = read_scene(path, ("sweep.harmonics=20", *overrides)).sweep
+        return _dynamics.is_followed(asked, _dynamics.Size(1, periods))
+
+    assert followed(1, "sweep.direction=both")
+    assert not followed(1, "sweep.direction=up")
+    assert followed(39, "sweep.direction=both")
+    assert not followed(41, "sweep.direction=both")
+    assert followed(41, "sweep.direction=both", "sweep.continuation=true")
+    assert not followed(1, "sweep.direction=both", "sweep.continuation=false")
+
+
 def test_divisions_cut_shafts_into_finite_elements(folder):
     shaft = "{ gear_at_mm = 40.0, segments = [ { length_mm = 80.0, outer_mm = 30.0 } ], "
     bearing = "{ at_mm = 0.0, radial_N_m = 1e9, axial_N_m = 1e8, tilt_Nm_rad = 1e5 }"
