@@ -185,8 +185,13 @@ def imbalance(problem: Problem, terms: Terms) -> Terms:
 
 
 def _imbalance(problem: Problem, terms: Terms, load: Reals) -> Terms:
-    missing = _missing(problem, terms.T[:, :, None], load[:, :, None])[:, :, 0]
-    return missing.at[0].add(-problem.still).T / problem.scales[:, None]
+    missing = _missing_of_one(problem, terms, load)
+    return missing.at[:, 0].add(-problem.still) / problem.scales[:, None]
+
+
+def _missing_of_one(problem: Problem, terms: Terms, load: Reals) -> Terms:
+    """As `_missing`, of one response and its load."""
+    return _missing(problem, terms.T[:, :, None], load[:, :, None])[:, :, 0].T
 
 
 def linearised(problem: Problem, terms: Terms) -> tuple[Terms, Reals]:
@@ -231,14 +236,10 @@ _KEPT, _ANEW = 200, 3
 
 def _change(problem: Problem, slopes: list[tuple[StepMatrices, Basis]], change: Terms) -> Terms:
     """Derivative of the imbalance along a change of the harmonics, over its scales."""
-    moved = change.T * problem.scales[None, :]
-    pushed = [
-        jnp.einsum("sij,sj->si", tangent, values @ moved, optimize=True)
-        for tangent, values in slopes
-    ]
+    moved = change * problem.scales[:, None]
+    pushed = [jnp.einsum("sij,sj->si", tangent, values @ moved.T) for tangent, values in slopes]
     load = problem.analysis @ functools.reduce(operator.add, pushed)
-    missing = _missing(problem, moved[:, :, None], load[:, :, None])[:, :, 0]
-    return missing.T / problem.scales[:, None]
+    return _missing_of_one(problem, moved, load) / problem.scales[:, None]
 
 
 def _answer(

@@ -23,7 +23,7 @@ from jaxgear._dynamics._harmonic import (
     harmonic_balance_problem,
 )
 from jaxgear._dynamics._march import TimeHistory, TimeStepping, march_on, quasi_static_start
-from jaxgear._dynamics._orbit import Orbit, mesh_scales
+from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steady_state import orbit_of
 from jaxgear._dynamics._steppers import Exponential
@@ -175,7 +175,6 @@ class Finder:
         self.modes = modal_basis(system)
         self.slow = slow_modes(self.modes)
         self.rest = quasi_static_start(system)
-        self.deflection = float(mesh_scales(system)[0])
         method = settings.method
         self.harmonic = method if isinstance(method, HarmonicBalance) else HarmonicBalance()
         # Whatever is looked for obeys the law of the sweep.
@@ -257,12 +256,21 @@ class Finder:
         """What harmonic balance finds, from mesh coordinates of a response close by or from the
         quasi-static states.
         """
-        method = _over_cycles(self.harmonic, multiple)
-        if multiple not in self.balances:
-            self.balances[multiple] = harmonic_balance_problem(method, self.system)
-        balance = self.balances[multiple]
+        method, balance = _over_cycles(self.harmonic, multiple), self._balance(multiple)
         first = balance.rest if near is None else fourier_coefficients(balance, near)
         return self._alone(method.solve(balance, speed, first)[0])
+
+    def _balance(self, multiple: int) -> Balance:
+        """What the balances of responses over so many cycles share, prepared once."""
+        if multiple not in self.balances:
+            method = _over_cycles(self.harmonic, multiple)
+            self.balances[multiple] = harmonic_balance_problem(method, self.system)
+        return self.balances[multiple]
+
+    @property
+    def deflection(self) -> float:
+        """Static deflection of the mesh [m]."""
+        return float(np.asarray(self._balance(1).scales)[0])
 
     def _searched(self, method: Shooting, speed: Scalar, start: Start) -> SweepPoint:
         """The response that a march from a motion ends in: soon, or after a longer while."""
