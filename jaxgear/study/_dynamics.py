@@ -137,6 +137,11 @@ def unknowns_of(asked: SweepKeys, size: Size) -> int:
     return size.coordinates * (2 * asked.harmonics * size.periods + 1)
 
 
+def is_too_large(asked: SweepKeys, size: Size) -> bool:
+    """Whether a balance has too many unknowns to be taken unasked, or for its derivatives."""
+    return unknowns_of(asked, size) > MOST_UNKNOWNS
+
+
 def is_followed(asked: SweepKeys, size: Size) -> bool:
     """Whether the branch is followed round its folds: as the scene says, or with both directions.
 
@@ -144,14 +149,14 @@ def is_followed(asked: SweepKeys, size: Size) -> bool:
     """
     if asked.continuation is not None:
         return asked.continuation
-    return asked.direction == "both" and unknowns_of(asked, size) <= MOST_UNKNOWNS
+    return asked.direction == "both" and not is_too_large(asked, size)
 
 
 def method_name(asked: SweepKeys, size: Size) -> str:
     """The method of a sweep: what the scene says, or what it leaves to the program."""
     if asked.method != "auto":
         return asked.method
-    return "harmonic" if unknowns_of(asked, size) <= MOST_UNKNOWNS else "newmark"
+    return "newmark" if is_too_large(asked, size) else "harmonic"
 
 
 def settings_of(law: AbstractContactLaw, asked: SweepKeys, size: Size) -> SweepSettings:

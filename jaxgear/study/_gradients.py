@@ -36,7 +36,7 @@ from jaxgear.study._derivatives import (
     judged,
     linearised,
 )
-from jaxgear.study._dynamics import speeds_of
+from jaxgear.study._dynamics import is_too_large, size_of, speeds_of
 from jaxgear.study._head import names_of, study
 from jaxgear.study._pieces import pieces_at_rest, pieces_in_motion
 from jaxgear.study._progress import progress
@@ -49,7 +49,6 @@ from jaxgear.study._steady import (
     SteadyPoint,
     builder,
     damping_keys,
-    is_too_large,
     method_of,
     numbers_of,
     responder,
@@ -180,7 +179,7 @@ def steady_gradients(
     weights = jnp.zeros((len(laws) * len(names), *shape.shape))
     numbers, dynamics, columns, _ = timed(program, centre, tangents, weights, options=QUICKLY)
     require_solved(dynamics.cycle.converged)
-    if is_too_large(scene.sweep, dynamics):
+    if is_too_large(scene.sweep, size_of(dynamics)):
         return None, [SteadyPoint(name, speed, None, None, TOO_MANY) for name in laws]
     methods = {name: method_of(scene.sweep, dynamics, law) for name, law in laws.items()}
     each = {

@@ -25,7 +25,7 @@ from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import split_entry
 from jaxgear.study._built import BuiltScene, built_scene
 from jaxgear.study._derivatives import Keys, linearised
-from jaxgear.study._dynamics import speeds_of
+from jaxgear.study._dynamics import is_too_large, size_of, speeds_of
 from jaxgear.study._head import names_of, study
 from jaxgear.study._progress import progress
 from jaxgear.study._result import Result, Summary, titled
@@ -38,7 +38,6 @@ from jaxgear.study._steady import (
     SteadyPoint,
     builder,
     damping_keys,
-    is_too_large,
     method_of,
     numbers_of,
     responder,
@@ -153,7 +152,7 @@ def steady_sensitivities(built: BuiltScene) -> tuple[xr.Dataset | None, list[Ste
         linearised(build), centre, tangents, None, options=QUICKLY
     )
     require_solved(dynamics.cycle.converged)
-    if is_too_large(scene.sweep, dynamics):
+    if is_too_large(scene.sweep, size_of(dynamics)):
         return None, [SteadyPoint("exact", every[0], None, None, TOO_MANY)]
     program = linearised(responder(method_of(scene.sweep, dynamics, ExactContact())))
     points: list[SteadyPoint] = []

@@ -17,12 +17,7 @@ from jaxgear._units import um
 from jaxgear.scene._build import model_of
 from jaxgear.scene._tables import DampingKeys, SweepKeys
 from jaxgear.study._derivatives import Keys
-from jaxgear.study._dynamics import (
-    MOST_UNKNOWNS,
-    dynamics_of,
-    size_of,
-    unknowns_of,
-)
+from jaxgear.study._dynamics import dynamics_of
 
 SPEED = "sweep.pinion_speed_rad_s"
 TOO_MANY = "too many unknowns"
@@ -121,11 +116,6 @@ def moved_pair(dynamics: jg.PairDynamics, numbers: Reals) -> jg.PairDynamics:
 def _moving(dynamics: jg.PairDynamics) -> tuple:
     """The parts of a pair that steady responses are found from."""
     return dynamics.system, dynamics.cycle.system.structure
-
-
-def is_too_large(asked: SweepKeys, dynamics: jg.PairDynamics) -> bool:
-    """Whether a cycle has too many mesh periods for harmonic balance."""
-    return unknowns_of(asked, size_of(dynamics)) > MOST_UNKNOWNS
 
 
 def method_of(
