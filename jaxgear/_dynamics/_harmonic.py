@@ -16,21 +16,31 @@ import jax.numpy as jnp
 
 from jaxgear._checks import InputError, require
 from jaxgear._compiled import compiled, lasting
+from jaxgear._dynamics._harmonic_basis import (
+    Analyst,
+    Values,
+    analysis_of,
+    basis_of,
+    closest_terms,
+    periodic_analysis,
+    periodic_basis,
+    rates_of,
+)
 from jaxgear._dynamics._harmonic_problem import (
     Problem,
     excess_stiffness,
+    is_iterated,
     loads_of,
     motion_of_nodes,
-    rates_of,
     responses_of,
     root_of,
 )
 from jaxgear._dynamics._orbit import AbstractMethod, Orbit, mesh_scales
 from jaxgear._dynamics._system import DynamicSystem, ModalBasis, modal_basis
-from jaxgear._dynamics._table import END, MIDDLE, START, Mesh, mesh_at
-from jaxgear._dynamics._types import Analysis, Basis, Responses, Start, StepPlaces, Terms, Vector
+from jaxgear._dynamics._table import END, MIDDLE, START, Mesh, MeshTable, mesh_at
+from jaxgear._dynamics._types import Responses, Start, StepPlaces, Terms, Vector
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
-from jaxgear._types import Coordinates, Reals, Scalar
+from jaxgear._types import Coordinates, Scalar
 
 
 class HarmonicBalance(AbstractMethod):
@@ -133,9 +143,9 @@ class Balance(eqx.Module):
     modes: ModalBasis
     law: AbstractContactLaw
     samples: tuple[Mesh, ...]
-    times: tuple[Basis, ...]
-    middle: Basis
-    analysis: Analysis
+    times: tuple[Values, ...]
+    middle: Values
+    analysis: Analyst
     still: Vector
     scales: Coordinates
     rest: Terms
@@ -174,7 +184,7 @@ class Balance(eqx.Module):
             law=self.law,
             samples=tuple(mesh.at(speed) for mesh in self.samples),
             times=self.times,
-            rates=rates_of(self.middle) * base,
+            rates=rates_of(self.middle, base),
             analysis=self.analysis,
             real=jnp.real(receptance),
             imaginary=jnp.imag(receptance),
@@ -271,13 +281,12 @@ def harmonic_balance_problem(method: HarmonicBalance, system: DynamicSystem) -> 
         least=2 * count,
         steps=steps,
     )
-    share = table.edges / table.periods
-    middle = _values(0.5 * (share[1:] + share[:-1]), count)
-    parts = (START, MIDDLE, END) if method.averaged else (MIDDLE,)
-    times = (
-        (_values(share[:-1], count), _values(share[1:], count)) if method.averaged else (middle,)
+    unknowns = system.vectors.shape[1] * (2 * count + 1)
+    begin, middle, end, analysis = _transforms(
+        table, count, averaged=method.averaged, long=is_iterated(unknowns)
     )
-    analysis = _analysis(middle, jnp.diff(share), averaged=method.averaged)
+    times = (begin, end) if method.averaged else (middle,)
+    parts = (START, MIDDLE, END) if method.averaged else (MIDDLE,)
     whole = system.whole_stiffness
     return Balance(
         system=system,
@@ -292,6 +301,23 @@ def harmonic_balance_problem(method: HarmonicBalance, system: DynamicSystem) -> 
         rest=(analysis @ jnp.tile(system.rest, (method.multiple, 1))).T,
         bilinear=method.bilinear,
     )
+
+
+def _transforms(
+    table: MeshTable, count: int, *, averaged: bool, long: bool
+) -> tuple[Values, Values, Values, Analyst]:
+    """Values where steps begin, in their middles and where they end; harmonics of what is there."""
+    edges, periods = table.edges, table.periods
+    if not long:
+        share = edges / periods
+        begin, end = (basis_of(each, count) for each in (share[:-1], share[1:]))
+        middle = basis_of(0.5 * (share[1:] + share[:-1]), count)
+        return begin, middle, end, analysis_of(middle, jnp.diff(share), averaged=averaged)
+    edges = edges[: len(table.kinds) // periods + 1]
+    places = edges[:-1], 0.5 * (edges[1:] + edges[:-1]), edges[1:]
+    begin, middle, end = (periodic_basis(each, count, periods) for each in places)
+    analysis = periodic_analysis(middle, jnp.diff(edges) / periods, averaged=averaged)
+    return begin, middle, end, analysis
 
 
 @compiled
@@ -321,26 +347,4 @@ def fourier_coefficients(balance: Balance, places: StepPlaces) -> Terms:
         steps=steps,
     )
     place = jnp.tile(places, (steps // found, 1))
-    weighted = balance.middle.T * balance.system.table.lengths[None, :]
-    return jnp.linalg.solve(weighted @ balance.middle, weighted @ place).T
-
-
-def _values(share: Reals, count: int) -> Basis:
-    """Values of the mean, cosines and sines at shares of the response."""
-    angle = 2.0 * jnp.pi * share[:, None] * jnp.arange(1, count + 1, dtype=float)[None, :]
-    return jnp.concatenate([jnp.ones((share.size, 1)), jnp.cos(angle), jnp.sin(angle)], axis=1)
-
-
-def _analysis(middle: Basis, share: Reals, *, averaged: bool) -> Analysis:
-    """Mean, cosines and sines of what is known at the middles of steps of given shares.
-
-    Equal steps make it the discrete Fourier transform. Steps of two lengths would let the mean leak
-    into the harmonics; with the mean of each harmonic over its step it does not, and the loss in
-    that mean is made up for at the mean length of the steps. A mean over steps has that loss too.
-    """
-    count = (middle.shape[1] - 1) // 2
-    order = jnp.arange(1, count + 1, dtype=float)[:, None]
-    loss = jnp.sinc(order / share.size)
-    kept = jnp.sinc(order * share[None, :]) / (loss**2 if averaged else loss)
-    both = jnp.concatenate([jnp.ones((1, share.size)), 2.0 * kept, 2.0 * kept])
-    return both * share[None, :] * middle.T
+    return closest_terms(balance.middle, balance.system.table.lengths, place).T

@@ -15,12 +15,11 @@ import jax.numpy as jnp
 from jax.scipy.sparse.linalg import gmres
 
 from jaxgear._dynamics._cell_forces import mean_load, mesh_load
+from jaxgear._dynamics._harmonic_basis import Analyst, Values, as_matrix
 from jaxgear._dynamics._orbit import derivative_if
 from jaxgear._dynamics._system import DynamicSystem, ModalBasis
 from jaxgear._dynamics._table import Mesh
 from jaxgear._dynamics._types import (
-    Analysis,
-    Basis,
     HarmonicMatrices,
     Responses,
     StepMatrices,
@@ -53,9 +52,9 @@ class Problem(eqx.Module):
 
     law: AbstractContactLaw
     samples: tuple[Mesh, ...]
-    times: tuple[Basis, ...]
-    rates: Basis
-    analysis: Analysis
+    times: tuple[Values, ...]
+    rates: Values
+    analysis: Analyst
     real: HarmonicMatrices
     imaginary: HarmonicMatrices
     resting: Vector
@@ -66,14 +65,6 @@ class Problem(eqx.Module):
     scales: Coordinates
     speed: Scalar
     base: Scalar
-
-
-def rates_of(values: Basis) -> Basis:
-    """Derivative of each term by the angle of the first harmonic."""
-    count = (values.shape[1] - 1) // 2
-    order = jnp.arange(1, count + 1, dtype=float)[None, :]
-    cosines, sines = values[:, 1 : count + 1], values[:, count + 1 :]
-    return jnp.concatenate([jnp.zeros_like(values[:, :1]), -order * sines, order * cosines], axis=1)
 
 
 def responses_of(
@@ -106,7 +97,7 @@ def responses_of(
 
 def loads_of(
     problem: Problem, terms: Terms
-) -> tuple[StepPlaces, StepPlaces, list[tuple[StepMatrices, Basis]]]:
+) -> tuple[StepPlaces, StepPlaces, list[tuple[StepMatrices, Values]]]:
     """Elastic and total load at mid-steps, and the slopes of the latter.
 
     A slope is a matrix for each step, and the values of the harmonics that it multiplies.
@@ -211,10 +202,10 @@ def linearised(problem: Problem, terms: Terms) -> tuple[Terms, Reals]:
     return missing, _slope(problem, terms, slopes)
 
 
-def _slope(problem: Problem, terms: Terms, slopes: list[tuple[StepMatrices, Basis]]) -> Reals:
+def _slope(problem: Problem, terms: Terms, slopes: list[tuple[StepMatrices, Values]]) -> Reals:
     """Derivative of the imbalance, from the slopes of the load."""
     width, count = terms.shape
-    spread = [tangent[:, :, :, None] * values[:, None, None, :] for tangent, values in slopes]
+    spread = [tangent[:, :, :, None] * as_matrix(x)[:, None, None, :] for tangent, x in slopes]
     spread = functools.reduce(operator.add, spread)
     load = problem.analysis @ spread.reshape(spread.shape[0], -1)
     place = jnp.eye(width)[None, :, :, None] * jnp.eye(count)[:, None, None, :]
@@ -228,13 +219,19 @@ def _slope(problem: Problem, terms: Terms, slopes: list[tuple[StepMatrices, Basi
 # A step of more unknowns is iterated for. Directly 2000 take half a second, 10,000 half a minute.
 MOST_DIRECT = 2000
 
+
+def is_iterated(unknowns: int) -> bool:
+    """Whether a step of so many unknowns is iterated for."""
+    return unknowns > MOST_DIRECT
+
+
 # What iteration leaves of the right-hand side: in a step what the next one has to mend in any case,
 # in a derivative close to nothing. Directions kept at once, and how often it begins anew.
 _LEAST_LEFT, _MOST_LEFT, _LEFT_OF_DERIVATIVES = 1e-8, 1e-3, 1e-12
 _KEPT, _ANEW = 200, 3
 
 
-def _change(problem: Problem, slopes: list[tuple[StepMatrices, Basis]], change: Terms) -> Terms:
+def _change(problem: Problem, slopes: list[tuple[StepMatrices, Values]], change: Terms) -> Terms:
     """Derivative of the imbalance along a change of the harmonics, over its scales."""
     moved = change * problem.scales[:, None]
     pushed = [jnp.einsum("sij,sj->si", tangent, values @ moved.T) for tangent, values in slopes]
@@ -243,10 +240,13 @@ def _change(problem: Problem, slopes: list[tuple[StepMatrices, Basis]], change: 
 
 
 def _answer(
-    problem: Problem, slopes: list[tuple[StepMatrices, Basis]], missing: Terms, left: Scalar | float
+    problem: Problem,
+    slopes: list[tuple[StepMatrices, Values]],
+    missing: Terms,
+    left: Scalar | float,
 ) -> Terms:
     """The change of the harmonics whose imbalance is the one given, if contact stays as it is."""
-    if missing.size <= MOST_DIRECT:
+    if not is_iterated(missing.size):
         matrix = _slope(problem, missing, slopes)
         return jnp.linalg.solve(matrix, missing.reshape(-1)).reshape(missing.shape)
     options: dict[str, Any] = {"tol": left, "restart": _KEPT, "maxiter": _ANEW}
@@ -290,7 +290,7 @@ def root_of(
     """Harmonics in balance, the imbalance one Newton step before them, and the number of steps."""
     tolerance, most_steps = settings
 
-    def step_of(missing: Terms, slopes: list[tuple[StepMatrices, Basis]]) -> Terms:
+    def step_of(missing: Terms, slopes: list[tuple[StepMatrices, Values]]) -> Terms:
         error = jnp.max(jnp.abs(missing))
         left = jnp.clip(jnp.maximum(error, _ROUNDING / error), _LEAST_LEFT, _MOST_LEFT)
         return _answer(problem, slopes, missing, left)

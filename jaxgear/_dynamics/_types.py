@@ -46,6 +46,8 @@ if TYPE_CHECKING:
     Terms = Array
     Basis = Array
     Analysis = Array
+    PeriodValues = Array
+    PeriodAnalysis = Array
     HarmonicMatrices = Array
     Series = Array
     PairSeries = Array
@@ -78,6 +80,8 @@ else:
     Terms = Float[Array, "coordinate term"]
     Basis = Float[Array, "step term"]
     Analysis = Float[Array, "term step"]
+    PeriodValues = Complex[Array, "remainder place multiple"]
+    PeriodAnalysis = Complex[Array, "remainder multiple place"]
     HarmonicMatrices = Float[Array, "harmonic coordinate coordinate"]
     Series = Float[Array, "step"]
     PairSeries = Float[Array, "step line"]

@@ -19,13 +19,18 @@ import scipy
 from fem_prep import (
     CUT,
     RIM,
+    Compliance,
     Grid,
     Material,
     ReducedBody,
+    cached,
+    key_of,
     piece_compliance,
     piece_of,
+    read_compliance,
     refined,
     surface_of,
+    write_compliance,
 )
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
@@ -120,8 +125,20 @@ class RootCorrection:
 
         **Returns:**
 
-        Shape `[tooth, 6 slice, 6 slice]` [m/N, 1/N, 1/(N m)].
+        Shape `[tooth, 6 slice, 6 slice]` [m/N, 1/N, 1/(N m)], from the cache where it is known.
         """
+        body = self._body
+        made_from = {
+            "grid": (body.nodes, body.bricks, body.rim_nodes, body.rim_faces),
+            "material": self._material,
+            "patches": self._patches(teeth),
+        }
+        build = lambda: Compliance(self._solved(teeth))
+        file = read_compliance, write_compliance
+        return cached(key_of({"roots beyond a rim": made_from}), build, file)[0].matrix
+
+    def _solved(self, teeth: np.ndarray) -> np.ndarray:
+        """The same, piece by piece."""
         found = None
         for kind in self._kinds(teeth):
             patches = self._patches(np.zeros(len(kind.teeth)))

@@ -14,6 +14,15 @@ from helpers import quick
 import jaxgear as jg
 from jaxgear._dynamics import _harmonic_problem
 from jaxgear._dynamics._harmonic import HarmonicBalance, harmonic_balance_problem
+from jaxgear._dynamics._harmonic_basis import (
+    analysis_of,
+    as_matrix,
+    basis_of,
+    closest_terms,
+    periodic_analysis,
+    periodic_basis,
+    rates_of,
+)
 from jaxgear._dynamics._harmonic_problem import imbalance, linearised, root_of
 from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steady_state import steady_state, steady_states
@@ -61,7 +70,7 @@ def test_iteration_finds_what_the_matrix_does(name, monkeypatch):
     system, method = _variant(name)
     at = jnp.asarray([0.9, 0.3])
 
-    def response(at):
+    def response(at, method):
         balance = harmonic_balance_problem(
             method, dataclasses.replace(system, load=at[1] * system.load)
         )
@@ -69,19 +78,51 @@ def test_iteration_finds_what_the_matrix_does(name, monkeypatch):
         terms, error, steps = root_of((1e-9, 60), problem, balance.rest)
         return terms, (error, steps)
 
-    def found():
-        """Each time a program of its own."""
-        both = [lambda x, by=by: by(response, has_aux=True)(x) for by in (jax.jacfwd, jax.jacrev)]
+    def found(method):
+        """Each time programs of their own."""
+        of = lambda x: response(x, method)
+        both = [lambda x, by=by: by(of, has_aux=True)(x) for by in (jax.jacfwd, jax.jacrev)]
         (forward, seen), (reverse, _) = (jax.jit(each)(at) for each in both)
-        return jax.jit(lambda x: response(x)[0])(at), forward, reverse, seen
+        return jax.jit(lambda x: of(x)[0])(at), forward, reverse, seen
 
-    expected = found()
+    expected = found(method)
     monkeypatch.setattr(_harmonic_problem, "MOST_DIRECT", 0)
-    for one, other in zip(found()[:3], expected[:3], strict=True):
+    # Another number of steps makes a problem that JAX has not traced yet.
+    iterated = found(dataclasses.replace(method, most_steps=method.most_steps + 1))
+    for one, other in zip(iterated[:3], expected[:3], strict=True):
         assert_near(np.asarray(one), np.asarray(other), 1e-10)
     error, steps = expected[3]
     assert float(error) <= 1e-9
     assert float(steps) > 2.0
+
+
+@pytest.mark.parametrize("averaged", [False, True])
+def test_a_transform_over_mesh_periods_does_what_the_matrices_do(averaged):
+    """Steps of two lengths, four mesh periods, a number of harmonics that these do not divide."""
+    periods, count = 4, 10
+    lengths = jnp.asarray([0.2, 0.2, 0.2, 0.1, 0.15, 0.15])
+    edges = jnp.concatenate([jnp.zeros(1), jnp.cumsum(jnp.tile(lengths, periods))])
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    rng = np.random.default_rng(1)
+    terms, known = rng.normal(size=(2 * count + 1, 3)), rng.normal(size=(middles.size, 3))
+
+    @jax.jit
+    def both(terms, known):
+        matrix = basis_of(middles / periods, count)
+        analysis = analysis_of(matrix, jnp.diff(edges) / periods, averaged=averaged)
+        values = periodic_basis(middles[: lengths.size], count, periods)
+        analyst = periodic_analysis(values, lengths / periods, averaged=averaged)
+        rates = [rates_of(each, jnp.asarray(0.3)) for each in (matrix, values)]
+        return (
+            (matrix, as_matrix(values)),
+            (matrix @ terms, values @ terms),
+            tuple(each @ terms for each in rates),
+            (analysis @ known, analyst @ known),
+            tuple(closest_terms(x, jnp.diff(edges), known) for x in (matrix, values)),
+        )
+
+    for expected, found in both(jnp.asarray(terms), jnp.asarray(known)):
+        assert_near(np.asarray(found), np.asarray(expected), 1e-11)
 
 
 def test_long_cycles_are_iterated_for():
