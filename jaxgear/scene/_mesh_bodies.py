@@ -265,7 +265,8 @@ def _in_mesh(
         if mesh.tooth == "elements":
             give = beyond_plain_ring(plain, plan, tell)
         elif mesh.root_correction:
-            local = root_correction(body, plan.material, pair, index, grid, **on_rim)
+            found = root_correction(body, plan.material, pair, index, grid, **on_rim)
+            local = None if found is None else found.kept
         law = (mesh.tooth, mesh.stiffness, mesh.face_coupling)
         if law == ("sliced", "weber-banaschek", "coupled"):
             ribs = rim_ribs(plain, plan, pair, grid, tell, **on_rim)
@@ -274,11 +275,11 @@ def _in_mesh(
         more |= {"basis": basis, "motion": mesh.root_motion}
         more["heat"] = None if heated is None else heated.load
         flexible = flexible_body(body, pair, index, grid, **more, **seats, **on_rim)
-    found = MeshBody(built, flexible, basis, heated=heated)
+    in_mesh = MeshBody(built, flexible, basis, heated=heated)
     if basis is None or model.shapes == "natural":
-        return found
+        return in_mesh
     tell(f"{plan.gear}: shapes that the mesh excites")
-    return _on_excited_shapes(found, pair, grid, model.modes)
+    return _on_excited_shapes(in_mesh, pair, grid, model.modes)
 
 
 def with_shapes_of(scene: Scene, body: MeshBody) -> MeshBody:

@@ -125,20 +125,8 @@ class RootCorrection:
 
         **Returns:**
 
-        Shape `[tooth, 6 slice, 6 slice]` [m/N, 1/N, 1/(N m)], from the cache where it is known.
+        Shape `[tooth, 6 slice, 6 slice]` [m/N, 1/N, 1/(N m)].
         """
-        body = self._body
-        made_from = {
-            "grid": (body.nodes, body.bricks, body.rim_nodes, body.rim_faces),
-            "material": self._material,
-            "patches": self._patches(teeth),
-        }
-        build = lambda: Compliance(self._solved(teeth))
-        file = read_compliance, write_compliance
-        return cached(key_of({"roots beyond a rim": made_from}), build, file)[0].matrix
-
-    def _solved(self, teeth: np.ndarray) -> np.ndarray:
-        """The same, piece by piece."""
         found = None
         for kind in self._kinds(teeth):
             patches = self._patches(np.zeros(len(kind.teeth)))
@@ -154,6 +142,18 @@ class RootCorrection:
             found[kind.teeth] = more
         assert found is not None
         return found
+
+    def kept(self, teeth: np.ndarray) -> np.ndarray:
+        """The same as by a call, from the cache of bodies where it is known."""
+        body = self._body
+        made_from = {
+            "grid": (body.nodes, body.bricks, body.rim_nodes, body.rim_faces),
+            "material": self._material,
+            "patches": self._patches(teeth),
+        }
+        key = key_of({"roots beyond a rim": made_from})
+        build = lambda: Compliance(self(teeth))
+        return cached(key, build, (read_compliance, write_compliance))[0].matrix
 
     def _kinds(self, teeth: np.ndarray) -> list[_Kind]:
         """The different pieces of rim on which teeth stand."""

@@ -126,3 +126,20 @@ def test_teeth_that_stand_alike_need_one_factor():
     assert correction.pieces == 1
     for tooth in (1, 7, 23):
         _near(found[tooth], found[0], 1e-9)
+
+
+def test_what_is_kept_is_what_is_found_and_is_found_once(tmp_path, monkeypatch):
+    """Of other teeth, or of a rim with holes, it is found again."""
+    monkeypatch.setenv("JAXGEAR_CACHE", str(tmp_path))
+    teeth = np.arange(4)
+    first, again = _correction(_TEETH), _correction(_TEETH)
+    kept = first.kept(teeth)
+    np.testing.assert_array_equal(again.kept(teeth), kept)
+    assert first.pieces > 0
+    assert again.pieces == 0
+    np.testing.assert_array_equal(first(teeth), kept)
+    holed = _correction(_TEETH, holes=3)
+    assert np.abs(holed.kept(teeth) - kept).max() > 1e-3 * np.abs(kept).max()
+    assert np.abs(again.kept(teeth + 1) - kept).max() > 1e-3 * np.abs(kept).max()
+    assert holed.pieces > 0
+    assert again.pieces > 0
