@@ -252,10 +252,11 @@ def _answer(
     options: dict[str, Any] = {"tol": left, "restart": _KEPT, "maxiter": _ANEW}
     options["solve_method"] = "incremental"
     solve = lambda product, right: gmres(product, right, **options)[0]
+    # As one vector: sums over two axes of many directions take twice as long.
+    product = lambda change: _change(problem, slopes, change.reshape(missing.shape)).reshape(-1)
     # Iteration in JAX cannot be transposed, as its tolerance depends on the right-hand side.
-    product = functools.partial(_change, problem, slopes)
-    found = jax.lax.custom_linear_solve(product, missing, solve, transpose_solve=solve)
-    return found * problem.scales[:, None]
+    found = jax.lax.custom_linear_solve(product, missing.reshape(-1), solve, transpose_solve=solve)
+    return found.reshape(missing.shape) * problem.scales[:, None]
 
 
 class _Search(eqx.Module):

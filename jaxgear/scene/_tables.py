@@ -205,13 +205,20 @@ class SweepKeys(AbstractKeys):
         "speeds rising, falling, one after the other; cold: each by itself", default="both"
     )
     method: Literal["auto", "newmark", "shooting", "harmonic"] = key(
-        "method of the sweep; auto: harmonic balance, but for cycles of many mesh periods newmark",
+        "method of the sweep; auto: harmonic balance, but newmark for cycles of so many mesh "
+        "periods that it would have more than 100,000 unknowns",
         default="auto",
     )
     centrifugal: bool = key("whether condensed bodies grow with the speed", default=True)
-    steps: int = key("time steps in one mesh period", "[8, 4096]", 128)
+    steps: int = key(
+        "time steps in one mesh period; 64 by default where condensed bodies move through cycles "
+        "of more than 20 mesh periods by harmonic balance",
+        "[8, 4096]",
+        128,
+    )
     harmonics: int = key(
-        "harmonics of the mesh frequency in harmonic balance; fewer than half the steps",
+        "harmonics of the mesh frequency in harmonic balance; fewer than half the steps; 10 by "
+        "default where these are 64",
         "[1, 1000]",
         20,
     )

@@ -117,3 +117,14 @@ def test_what_condensed_bodies_cannot_do_in_motion_is_refused_before_they_are_bu
     monkeypatch.setattr(_mesh_bodies, "built_body", built)
     with pytest.raises(InputError, match=re.escape(words)):
         _mesh_bodies.with_bodies(example_scene("accessory-h1", (settings,)), moving=True)
+
+
+def test_long_cycles_have_fewer_steps_and_harmonics_unless_the_scene_says():
+    def beyond(*settings: str) -> dict[str, int]:
+        scene = example_scene("power-holes", ("sweep.pinion_speed_rad_s=[1.0]", *settings))
+        return _mesh_bodies._for_long_cycles(scene.mesh, scene.sweep)
+
+    fewer = {"sweep.steps": 64, "sweep.harmonics": 10}
+    assert beyond() == beyond('sweep.method="harmonic"') == fewer
+    assert beyond("sweep.steps=128") == beyond("sweep.harmonics=20") == {}
+    assert beyond('sweep.method="newmark"') == beyond("mesh.periods=20") == {}
