@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from thesis_rows.drawn_errors import PLACES, profile_error
+from thesis_rows.statics import THESIS
 
 import jaxgear as jg
 from jaxgear import um
@@ -23,7 +24,7 @@ _SPEEDS = np.linspace(20.0, 2000.0, 200)
 
 @functools.cache
 def _base():
-    model = jg.model_of(jg.example_scene("accessory", ["mesh.foundation=weber"]))
+    model = jg.model_of(jg.example_scene("accessory", THESIS))
     return model, jg.mesh_grid(model.pair, phases=100, slices=10)
 
 
