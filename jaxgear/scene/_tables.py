@@ -235,7 +235,8 @@ class SweepKeys(AbstractKeys):
     )
     check_shapes: bool = key(
         "whether responses at a few speeds are found again with all natural modes of which the "
-        "shapes of condensed bodies are combinations, to tell how far off they are",
+        "shapes of condensed bodies are combinations, to tell how far off they are; over cycles of "
+        "very many mesh periods only if given",
         default=True,
     )
 
