@@ -19,7 +19,7 @@ from jaxgear._types import Reals, Scalar
 
 
 class PeriodicBasis(eqx.Module):
-    """Values of the mean, cosines and sines at the steps of many mesh periods, by `@`.
+    r"""Values of the mean, cosines and sines at the steps of many mesh periods, by `@`.
 
     **Fields:**
 
@@ -51,7 +51,7 @@ class PeriodicBasis(eqx.Module):
 
 
 class PeriodicAnalysis(eqx.Module):
-    """Harmonics of what is known at the steps of many mesh periods, by `@`.
+    r"""Harmonics of what is known at the steps of many mesh periods, by `@`.
 
     **Fields:**
 
