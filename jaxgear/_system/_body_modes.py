@@ -170,13 +170,13 @@ class BodyBasis:
         """
         motions = self.motions
         onto = lambda matrix: jnp.asarray(motions.T @ (matrix @ motions))
-        mass = np.array(onto(body.mass))
         softening = None
         if body.spin_softening is not None and body.stress_stiffening is not None:
             softening = onto(body.stress_stiffening) - onto(body.spin_softening)
         # Modes are of unit mass and apart: what rounding leaves would tie pairs together.
-        seats = self.following.shape[1]
-        mass[seats:, seats:] = np.eye(len(self.waves))
+        mass, seats = np.eye(motions.shape[1]), self.following.shape[1]
+        mass[:, :seats] = motions.T @ (body.mass @ self.following)
+        mass[:seats, seats:] = mass[seats:, :seats].T
         return BasisMatrices(
             mass=jnp.asarray(0.5 * (mass + mass.T)),
             turning=jnp.asarray(self.turning),

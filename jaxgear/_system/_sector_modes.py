@@ -256,8 +256,5 @@ def nodal_diameters(nodes: np.ndarray, shapes: np.ndarray) -> np.ndarray:
     c, s = np.cos(angle)[:, None], np.sin(angle)[:, None]
     parts = c * x + s * y, c * y - s * x, z
     around = len(np.unique(np.round(angle * 1e6)))
-    content = []
-    for number in range(around // 2 + 1):
-        wave = np.exp(-1j * number * angle)
-        content.append(sum(abs(wave @ part) ** 2 for part in parts))
-    return np.argmax(content, axis=0)
+    waves = np.exp(-1j * np.outer(np.arange(around // 2 + 1), angle))
+    return np.argmax(sum(np.abs(waves @ part) ** 2 for part in parts), axis=0)
