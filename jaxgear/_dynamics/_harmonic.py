@@ -17,8 +17,8 @@ import jax.numpy as jnp
 from jaxgear._checks import InputError, require
 from jaxgear._compiled import compiled, lasting
 from jaxgear._dynamics._harmonic_basis import (
-    Analyst,
-    Values,
+    HarmonicAnalysis,
+    HarmonicValues,
     analysis_of,
     basis_of,
     closest_terms,
@@ -143,9 +143,9 @@ class Balance(eqx.Module):
     modes: ModalBasis
     law: AbstractContactLaw
     samples: tuple[Mesh, ...]
-    times: tuple[Values, ...]
-    middle: Values
-    analysis: Analyst
+    times: tuple[HarmonicValues, ...]
+    middle: HarmonicValues
+    analysis: HarmonicAnalysis
     still: Vector
     scales: Coordinates
     rest: Terms
@@ -305,7 +305,7 @@ def harmonic_balance_problem(method: HarmonicBalance, system: DynamicSystem) -> 
 
 def _transforms(
     table: MeshTable, count: int, *, averaged: bool, long: bool
-) -> tuple[Values, Values, Values, Analyst]:
+) -> tuple[HarmonicValues, HarmonicValues, HarmonicValues, HarmonicAnalysis]:
     """Values where steps begin, in their middles and where they end; harmonics of what is there."""
     edges, periods = table.edges, table.periods
     if not long:

@@ -70,9 +70,9 @@ class PeriodicAnalysis(eqx.Module):
         return jnp.concatenate([jnp.real(waves), -jnp.imag(waves[1:])])
 
 
-# Values at steps of the mean, cosines and sines; and those of what is known at steps.
-Values = Basis | PeriodicBasis
-Analyst = Analysis | PeriodicAnalysis
+# As a matrix, or in its place over the many mesh periods of a long cycle.
+HarmonicValues = Basis | PeriodicBasis
+HarmonicAnalysis = Analysis | PeriodicAnalysis
 
 
 def basis_of(share: Reals, count: int) -> Basis:
@@ -166,7 +166,7 @@ def periodic_analysis(middle: PeriodicBasis, share: Reals, *, averaged: bool) ->
     return PeriodicAnalysis(phases, middle.count)
 
 
-def rates_of(values: Values, base: Scalar) -> Values:
+def rates_of(values: HarmonicValues, base: Scalar) -> HarmonicValues:
     """Time derivative of each term.
 
     **Arguments:**
@@ -188,12 +188,12 @@ def rates_of(values: Values, base: Scalar) -> Values:
     return jnp.concatenate([jnp.zeros_like(values[:, :1]), -order * sines, order * cosines], axis=1)
 
 
-def as_matrix(values: Values) -> Basis:
+def as_matrix(values: HarmonicValues) -> Basis:
     """Values of the harmonics as a matrix, which of long cycles is large [-, 1/s]."""
     return values @ jnp.eye(values.shape[1]) if isinstance(values, PeriodicBasis) else values
 
 
-def closest_terms(values: Values, weight: Reals, known: Reals) -> Reals:
+def closest_terms(values: HarmonicValues, weight: Reals, known: Reals) -> Reals:
     """Terms whose values are closest to what is known at the steps, by least squares.
 
     **Arguments:**

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jax.scipy.sparse.linalg import gmres
 
 from jaxgear._dynamics._cell_forces import mean_load, mesh_load
-from jaxgear._dynamics._harmonic_basis import Analyst, Values, as_matrix
+from jaxgear._dynamics._harmonic_basis import HarmonicAnalysis, HarmonicValues, as_matrix
 from jaxgear._dynamics._orbit import derivative_if
 from jaxgear._dynamics._system import DynamicSystem, ModalBasis
 from jaxgear._dynamics._table import Mesh
@@ -52,9 +52,9 @@ class Problem(eqx.Module):
 
     law: AbstractContactLaw
     samples: tuple[Mesh, ...]
-    times: tuple[Values, ...]
-    rates: Values
-    analysis: Analyst
+    times: tuple[HarmonicValues, ...]
+    rates: HarmonicValues
+    analysis: HarmonicAnalysis
     real: HarmonicMatrices
     imaginary: HarmonicMatrices
     resting: Vector
@@ -97,7 +97,7 @@ def responses_of(
 
 def loads_of(
     problem: Problem, terms: Terms
-) -> tuple[StepPlaces, StepPlaces, list[tuple[StepMatrices, Values]]]:
+) -> tuple[StepPlaces, StepPlaces, list[tuple[StepMatrices, HarmonicValues]]]:
     """Elastic and total load at mid-steps, and the slopes of the latter.
 
     A slope is a matrix for each step, and the values of the harmonics that it multiplies.
@@ -202,7 +202,9 @@ def linearised(problem: Problem, terms: Terms) -> tuple[Terms, Reals]:
     return missing, _slope(problem, terms, slopes)
 
 
-def _slope(problem: Problem, terms: Terms, slopes: list[tuple[StepMatrices, Values]]) -> Reals:
+def _slope(
+    problem: Problem, terms: Terms, slopes: list[tuple[StepMatrices, HarmonicValues]]
+) -> Reals:
     """Derivative of the imbalance, from the slopes of the load."""
     width, count = terms.shape
     spread = [tangent[:, :, :, None] * as_matrix(x)[:, None, None, :] for tangent, x in slopes]
@@ -231,7 +233,9 @@ _LEAST_LEFT, _MOST_LEFT, _LEFT_OF_DERIVATIVES = 1e-8, 1e-3, 1e-12
 _KEPT, _ANEW = 200, 3
 
 
-def _change(problem: Problem, slopes: list[tuple[StepMatrices, Values]], change: Terms) -> Terms:
+def _change(
+    problem: Problem, slopes: list[tuple[StepMatrices, HarmonicValues]], change: Terms
+) -> Terms:
     """Derivative of the imbalance along a change of the harmonics, over its scales."""
     moved = change * problem.scales[:, None]
     pushed = [jnp.einsum("sij,sj->si", tangent, values @ moved.T) for tangent, values in slopes]
@@ -241,7 +245,7 @@ def _change(problem: Problem, slopes: list[tuple[StepMatrices, Values]], change:
 
 def _answer(
     problem: Problem,
-    slopes: list[tuple[StepMatrices, Values]],
+    slopes: list[tuple[StepMatrices, HarmonicValues]],
     missing: Terms,
     left: Scalar | float,
 ) -> Terms:
@@ -291,7 +295,7 @@ def root_of(
     """Harmonics in balance, the imbalance one Newton step before them, and the number of steps."""
     tolerance, most_steps = settings
 
-    def step_of(missing: Terms, slopes: list[tuple[StepMatrices, Values]]) -> Terms:
+    def step_of(missing: Terms, slopes: list[tuple[StepMatrices, HarmonicValues]]) -> Terms:
         error = jnp.max(jnp.abs(missing))
         left = jnp.clip(jnp.maximum(error, _ROUNDING / error), _LEAST_LEFT, _MOST_LEFT)
         return _answer(problem, slopes, missing, left)

@@ -124,7 +124,7 @@ def steady_notes(points: Sequence[SteadyPoint]) -> list[str]:
                 size = "not finite" if point.condition is None else f"{point.condition:.3g}"
                 why = f"is at a fold, or close to one, condition {size}"
             case "too many unknowns":
-                why = "is over too many mesh periods for harmonic balance"
+                why = "is over too many mesh periods for a matrix of its harmonics"
             case _:
                 continue
         found.append(
