@@ -22,6 +22,7 @@ from jaxgear._dynamics._harmonic import (
     fourier_coefficients,
     harmonic_balance_problem,
 )
+from jaxgear._dynamics._harmonic_problem import is_iterated
 from jaxgear._dynamics._march import TimeHistory, TimeStepping, march_on, quasi_static_start
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._shooting import Shooting
@@ -47,8 +48,8 @@ _APART = 0.3
 # the static deflection: no jump is as small. Where it would change further, or is lost, the way
 # there is halved, at most so often; and where that does not help either, it is asked whether the
 # machine would go there. Steps along one branch move by less than 0.25 on the coarsest grids of
-# speeds that were tried, a false one by 0.7.
-_STEP, _SLIGHT, _HALVINGS = 0.3, 0.01, 5
+# speeds that were tried, a false one by 0.7. Over a long cycle a part takes ten seconds and more.
+_STEP, _SLIGHT, _HALVINGS, _HALVINGS_OF_LONG = 0.3, 0.01, 5, 2
 
 # It also counts if a march of several times the length has come closer to it by this factor.
 _APPROACH = 0.8
@@ -208,7 +209,8 @@ class Finder:
             return found if found.stable else self._left(found, speed, start)
         # One step that would be too long again is not tried.
         step = self._halved if self.far and last.settled else self._followed
-        found = step(speed, last, _HALVINGS)
+        long = is_iterated(self._balance(1).rest.size)
+        found = step(speed, last, _HALVINGS_OF_LONG if long else _HALVINGS)
         self.far = not self._near(found, last)
         return found
 

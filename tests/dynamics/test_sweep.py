@@ -9,6 +9,7 @@ import pytest
 from dynamics import cases
 from helpers import quick
 
+from jaxgear._dynamics import _harmonic_problem
 from jaxgear._dynamics._harmonic import HarmonicBalance
 from jaxgear._dynamics._march import TimeStepping
 from jaxgear._dynamics._shooting import Shooting
@@ -109,6 +110,16 @@ def test_a_step_is_judged_by_the_vibration():
     assert not near(2.0, 0.0)
     assert near(2.0, 0.0, swing=0.01)
     assert not near(4.0, 0.0, swing=0.01)
+
+
+def test_the_way_to_a_speed_is_halved_less_often_over_a_long_cycle(monkeypatch):
+    finder = Finder(cases.sdof_parametric(steps=200), METHODS["harmonic"])
+    last, often = finder.next(jnp.asarray(2.3), None), []
+    monkeypatch.setattr(finder, "_followed", lambda _, last, most: often.append(most) or last)
+    finder.next(jnp.asarray(2.2), last)
+    monkeypatch.setattr(_harmonic_problem, "MOST_DIRECT", 0)
+    finder.next(jnp.asarray(2.2), last)
+    assert often == [5, 2]
 
 
 def _ratios(system, speeds, direction) -> list[float]:
