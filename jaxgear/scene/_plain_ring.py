@@ -8,20 +8,15 @@ import numpy as np
 
 from fem_prep import (
     MIN_RIM,
-    Compliance,
     GearBody,
     Grid,
     MeshSizing,
     Seat,
     ToothedGear,
-    cached,
     fixed_interface,
     full_body,
-    key_of,
-    read_compliance,
     ribbed_grids,
     symmetry,
-    write_compliance,
 )
 from jaxgear._checks import InputError, require
 from jaxgear._interface._roots import RimSurface, RootPatches, interface_map
@@ -29,6 +24,7 @@ from jaxgear._units import mm
 from jaxgear.scene._bodies import BodyPlan, Drawn, ribbed_sectors
 from jaxgear.scene._body_build import Steps
 from jaxgear.scene._body_words import in_keys
+from jaxgear.scene._kept_compliance import kept_compliance
 from jaxgear.scene._mesh_teeth import toothed_gear
 from jaxgear.scene._tables import PlainTables
 
@@ -87,10 +83,8 @@ def beyond_plain_ring(
 
     def beyond(patches: RootPatches) -> np.ndarray:
         inputs = {**made_from, "material": plan.material, "patches": patches}
-        build = lambda: Compliance(_beyond(plan, source.body, fineness, gear, patches, tell))
-        return cached(
-            key_of({"beyond a ring": inputs}), build, (read_compliance, write_compliance)
-        )[0].matrix
+        find = lambda: _beyond(plan, source.body, fineness, gear, patches, tell)
+        return kept_compliance({"beyond a ring": inputs}, find)
 
     return beyond
 

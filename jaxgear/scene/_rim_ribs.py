@@ -15,15 +15,10 @@ from collections.abc import Callable
 import numpy as np
 
 from fem_prep import (
-    Compliance,
     GearBody,
     MeshSizing,
-    cached,
-    key_of,
-    read_compliance,
     ribbed_grids,
     symmetry,
-    write_compliance,
 )
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
@@ -31,6 +26,7 @@ from jaxgear._interface._roots import Axial
 from jaxgear._system._body_tables import root_components, root_patches
 from jaxgear.scene._bodies import BodyPlan, Drawn, ribbed_sectors
 from jaxgear.scene._body_words import in_keys
+from jaxgear.scene._kept_compliance import kept_compliance
 from jaxgear.scene._mesh_teeth import toothed_gear
 from jaxgear.scene._plain_ring import compliances
 from jaxgear.scene._tables import PlainTables
@@ -84,7 +80,7 @@ def rim_ribs(
     rows = (6 * np.arange(few.cells)[:, None] + np.array(components)).ravel()
     loaded = rows[: few.slices * len(components)]
 
-    def build() -> Compliance:
+    def find() -> np.ndarray:
         equal = math.gcd(gear.teeth, symmetry(body, fineness))
         with in_keys(plan.gear):
             with_teeth, smooth = (
@@ -98,13 +94,11 @@ def rim_ribs(
                 )
                 for ribs in (True, False)
             )
-        return Compliance((with_teeth[0] - smooth[0] - (with_teeth[1] - smooth[1]))[rows])
+        return (with_teeth[0] - smooth[0] - (with_teeth[1] - smooth[1]))[rows]
 
     made_from = {"body": body, "fineness": fineness, "gear": gear, "seats": plan.seats}
     inputs = {**made_from, "material": plan.material, "patches": patches}
-    found = cached(key_of({"ribs of a rim": inputs}), build, (read_compliance, write_compliance))[
-        0
-    ].matrix
+    found = kept_compliance({"ribs of a rim": inputs}, find)
     between = np.kron(_hats(few.slices, grid.slices), np.eye(6)[:, list(components)])
     felt = between @ found.reshape(grid.lines, len(loaded), -1) @ between.T
     # A tooth further along the path is ahead on the pinion, behind on the wheel.

@@ -19,23 +19,19 @@ import scipy
 from fem_prep import (
     CUT,
     RIM,
-    Compliance,
     Grid,
     Material,
     ReducedBody,
-    cached,
-    key_of,
     piece_compliance,
     piece_of,
-    read_compliance,
     refined,
     surface_of,
-    write_compliance,
 )
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._roots import ROOT_POINTS, Axial, RimSurface, RootPatches, interface_map
 from jaxgear._system._body_tables import root_patches
+from jaxgear.scene._kept_compliance import kept_compliance
 
 # How far the piece reaches to either side [pitches], and under the rim [root widths].
 _REACH, _DEPTH = 1.6, 1.5
@@ -151,9 +147,7 @@ class RootCorrection:
             "material": self._material,
             "patches": self._patches(teeth),
         }
-        key = key_of({"roots beyond a rim": made_from})
-        build = lambda: Compliance(self(teeth))
-        return cached(key, build, (read_compliance, write_compliance))[0].matrix
+        return kept_compliance({"roots beyond a rim": made_from}, lambda: self(teeth))
 
     def _kinds(self, teeth: np.ndarray) -> list[_Kind]:
         """The different pieces of rim on which teeth stand."""

@@ -203,7 +203,9 @@ def test_damping_and_method_follow_the_scene(folder):
 
 
 def test_long_cycles_are_marched(folder):
-    """Of 1000 mesh periods 60 harmonics are too many unknowns, and 100 of them 4 cycles."""
+    """60 harmonics of 1000 mesh periods are too many unknowns; 100 mesh periods are 5 cycles of 20,
+    and 4 of 1000 are the least.
+    """
     path = _scene(folder, _SPUR + _SWEEP, "long.toml")
 
     def settings(*overrides):
@@ -219,6 +221,9 @@ def test_long_cycles_are_marched(folder):
     assert isinstance(long.method, TimeStepping)
     assert long.method.cycles == 4
     assert isinstance(settings("sweep.method=newmark").method, TimeStepping)
+    marched = settings("mesh.periods=20", "sweep.method=newmark").method
+    assert isinstance(marched, TimeStepping)
+    assert marched.cycles == 5
 
 
 def test_branches_are_followed_with_both_directions_but_over_long_cycles(folder):
