@@ -55,8 +55,10 @@ def in_parts(
     print(f"\nwritten to {options.out}")
 
 
-def timed(function: Callable, *arguments, repeats: int = 15) -> tuple[float, float, Any]:
-    """Seconds to compile, median seconds to run, and the result."""
+def timed(
+    function: Callable, *arguments, repeats: int = 15, enough: float = float("inf")
+) -> tuple[float, float, Any]:
+    """Seconds to compile, median seconds to run, and the result; after `enough` s the last run."""
     import jax
 
     start = time.perf_counter()
@@ -68,6 +70,8 @@ def timed(function: Callable, *arguments, repeats: int = 15) -> tuple[float, flo
         start = time.perf_counter()
         jax.block_until_ready(compiled(*arguments))
         seconds.append(time.perf_counter() - start)
+        if sum(seconds) > enough:
+            break
     return compiling, statistics.median(seconds), result
 
 

@@ -28,7 +28,7 @@ _GROUPS = {
     "_response": "Responses",
     "scene": "Scenes",
 }
-_GROUP_OF = {"_program_cache": "_units", "_smooth": "_units"}
+_GROUP_OF = {"_program_cache": "_units", "_batches": "_units", "_smooth": "_units"}
 _MODULES = {
     "jaxgear.scene": "Scene files",
     "jaxgear.study": "Studies",

@@ -12,6 +12,8 @@ from ._units import um as um
 
 from ._program_cache import cache_compilations as cache_compilations
 
+from ._batches import over_batch as over_batch
+
 from ._smooth import smooth_maximum as smooth_maximum
 from ._smooth import smooth_ramp as smooth_ramp
 

@@ -206,8 +206,7 @@ class OverSpeeds(AbstractObjective):
             number = self.response(dynamics, orbit, method.law)
             return number, orbit.settled, jnp.max(jnp.abs(moved))
 
-        # Lanes of a batch all wait for the slowest: on a CPU one after the other is faster.
-        number, settled, sensitivity = jax.lax.map(at_speed, self.speeds)
+        number, settled, sensitivity = jg.over_batch(at_speed, self.speeds)
         kept = settled & jnp.isfinite(number) & (sensitivity <= self.most_sensitive)
         return SpeedResults(self.speeds, number, settled, sensitivity, kept)
 

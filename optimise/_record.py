@@ -10,6 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+import jaxgear as jg
+
 Objective = Callable[[Float[Array, " variable"]], Float[Array, ""]]
 Residuals = Callable[[Float[Array, " variable"]], Float[Array, " residual"]]
 # Called with the point and the value after each evaluation of the gradient.
@@ -165,7 +167,7 @@ class Batched:
 
 
 def batched(objective: Objective | Batched) -> Callable[[np.ndarray], np.ndarray]:
-    """An objective at many points in one compiled call, one after the other.
+    """An objective at many points in one compiled call: `jaxgear.over_batch`.
 
     **Arguments:**
 
@@ -177,7 +179,7 @@ def batched(objective: Objective | Batched) -> Callable[[np.ndarray], np.ndarray
     """
     if isinstance(objective, Batched):
         return objective
-    compiled = jax.jit(lambda points: jax.lax.map(objective, points))
+    compiled = jax.jit(lambda points: jg.over_batch(objective, points))
     return lambda points: np.asarray(compiled(jnp.asarray(points)))
 
 

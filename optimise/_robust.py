@@ -15,6 +15,7 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
+import jaxgear as jg
 from optimise._objectives import as_scalar
 from optimise._strategies import sobol
 
@@ -238,7 +239,7 @@ def responses_of(
     The responses, in their own units.
     """
     one = lambda drawn, own: judge(variables, drawn, eqx.combine(members.shared, own))
-    return jax.lax.map(lambda both: one(*both), (members.deviations, members.own))
+    return jg.over_batch(lambda both: one(*both), (members.deviations, members.own))
 
 
 def population_statistics(
@@ -266,7 +267,8 @@ def population_statistics(
             prepared = eqx.combine(members.shared, own)
             return _sloped(lambda x: judge(x, drawn, prepared), variables, len(measures))
 
-        values, slopes = jax.lax.map(lambda member: one(*member), (members.deviations, members.own))
+        each = (members.deviations, members.own)
+        values, slopes = jg.over_batch(lambda member: one(*member), each)
         found = [
             jax.value_and_grad(measure)(values[:, place]) for place, measure in enumerate(measures)
         ]

@@ -35,6 +35,7 @@ STAGES = (
     "_columns",
     "_kept_programs",
     "_compiled",
+    "_batches",
     "_smooth",
     "_geometry",
     "_flank",

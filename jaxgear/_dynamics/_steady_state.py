@@ -1,9 +1,9 @@
 """Steady states at given speeds, each from its own start."""
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxgear._batches import over_batch
 from jaxgear._checks import require
 from jaxgear._compiled import compiled, in_numpy, lasting
 from jaxgear._dynamics._harmonic import HarmonicBalance, harmonic_balance_problem
@@ -100,18 +100,22 @@ def _differentiable(system: DynamicSystem) -> HarmonicBalance:
 def _orbits(method: AbstractMethod, system: DynamicSystem, speeds: Speeds) -> Orbit:
     """See `steady_states`."""
     if not isinstance(method, HarmonicBalance):
-        # So many step in time abreast: more fall out of the processor's cache.
-        return jax.lax.map(
-            lambda speed: method.orbit(system, speed, None), speeds, batch_size=_ABREAST
+        return over_batch(
+            lambda speed: method.orbit(system, speed, None),
+            speeds,
+            on_cpu=_ABREAST,
+            elsewhere=4 * _ELSEWHERE,
         )
     balance = harmonic_balance_problem(method, system)
-    one = lambda speed: method.solve(balance, speed)[0]
-    # Lanes of a batch all wait for the slowest: on a CPU one after the other is faster.
-    return jax.lax.map(one, speeds) if jax.default_backend() == "cpu" else jax.vmap(one)(speeds)
+    solved = lambda speed: method.solve(balance, speed)[0]
+    return over_batch(solved, speeds, elsewhere=_ELSEWHERE)
 
 
-# Speeds that step in time side by side.
+# Speeds that step in time side by side on a CPU: more fall out of its cache.
 _ABREAST = 32
+# Speeds side by side on a GPU. Of those that step in time more: each holds less, and a step of one
+# takes it as long as a step of hundreds.
+_ELSEWHERE = 256
 
 
 @lasting

@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import optimise
+from jaxgear._batches import over_batch
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import AbstractContactLaw, SmoothContact
 from jaxgear._solve._cycle import PreparedMesh
@@ -196,8 +197,8 @@ def side_by_side(task: Task, points: Reals, law: AbstractContactLaw) -> Reals:
 
 
 def objectives_at(task: Task, points: Reals, law: AbstractContactLaw) -> Reals:
-    """The objective at many points, one after the other."""
-    return jax.lax.map(lambda values: objective_at(task, values, law), points)
+    """The objective at many points."""
+    return over_batch(lambda values: objective_at(task, values, law), points)
 
 
 # What a tenth of a limit too much counts, against objectives of order one.
@@ -214,4 +215,4 @@ def penalised_at(
         over = jnp.maximum((found[1:] - most) / scale, 0.0)
         return found[0] + _PENALTY * jnp.sum(over**2)
 
-    return jax.lax.map(value, points)
+    return over_batch(value, points)

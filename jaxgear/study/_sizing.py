@@ -16,6 +16,7 @@ import numpy as np
 import xarray as xr
 
 import optimise
+from jaxgear._batches import over_batch
 from jaxgear._checks import InputError
 from jaxgear._interface._laws import ExactContact
 from jaxgear._solve._cycle import PreparedMesh, corrected_cycle
@@ -94,7 +95,7 @@ def sizing_table(built: BuiltScene, done: Callable[[int], None]) -> xr.Dataset:
 
     def of_chunk(chunk: Reals, model: PairModel, meshes: PreparedMesh) -> Reals:
         one = lambda values: of_combination(values, model, meshes)
-        return jax.lax.map(one, chunk, batch_size=min(_BATCH, chunk.shape[0]))
+        return over_batch(one, chunk, on_cpu=_BATCH)
 
     size = min(_CHUNK, len(amounts))
     padded = np.pad(amounts, ((0, -len(amounts) % size), (0, 0)), mode="edge")
