@@ -207,7 +207,7 @@ def draw(report: dict[str, Any], path: Path) -> None:
     columns = 3
     lines = -(-len(names) // columns)
     figure = Figure(figsize=(3.6 * columns, 2.8 * lines), layout="constrained")
-    grid = figure.subplots(lines, columns, squeeze=False, sharex=True)
+    grid = figure.subplots(lines, columns, squeeze=False)
     for axes, name in zip(grid.flat, names, strict=False):
         for device, rows in report.items():
             taken = {int(size): row["seconds"] for size, row in rows.get(name, {}).items()}
@@ -217,10 +217,8 @@ def draw(report: dict[str, Any], path: Path) -> None:
         axes.grid(alpha=0.3)
     for axes in grid.flat[len(names) :]:
         axes.set_axis_off()
-    for axes in grid[-1]:
-        axes.set_xlabel("members of a batch [-]")
-    for axes in grid[:, 0]:
-        axes.set_ylabel("time per member [ms]")
+    figure.supxlabel("members of a batch [-]")
+    figure.supylabel("time per member [ms]")
     grid.flat[0].legend(fontsize=8)
     figure.savefig(path, dpi=150)
 

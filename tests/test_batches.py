@@ -59,4 +59,4 @@ def test_what_is_no_batch_is_refused():
     with pytest.raises(ValueError, match="at least one member"):
         jg.over_batch(jnp.sin, jnp.zeros(0))
     with pytest.raises(ValueError, match="got 0"):
-        jg.over_batch(jnp.sin, jnp.zeros(3), on_cpu=0)
+        jg.over_batch(jnp.sin, jnp.zeros(3), on_cpu=0, elsewhere=0)
