@@ -79,11 +79,17 @@ def test_iteration_finds_what_the_matrix_does(name, monkeypatch):
         return terms, (error, steps)
 
     def found(method):
-        """Each time programs of their own."""
-        of = lambda x: response(x, method)
-        both = [lambda x, by=by: by(of, has_aux=True)(x) for by in (jax.jacfwd, jax.jacrev)]
-        (forward, seen), (reverse, _) = (jax.jit(each)(at) for each in both)
-        return jax.jit(lambda x: of(x)[0])(at), forward, reverse, seen
+        """Each time one program of its own."""
+
+        @jax.jit
+        def all_of_it(at):
+            terms, push, seen = jax.linearize(lambda x: response(x, method), at, has_aux=True)
+            pull = jax.linear_transpose(push, at)
+            (reverse,) = jax.vmap(pull)(jnp.eye(terms.size).reshape(-1, *terms.shape))
+            return terms, jax.vmap(push)(jnp.eye(at.size)), reverse, seen
+
+        terms, forward, reverse, seen = all_of_it(at)
+        return terms, jnp.moveaxis(forward, 0, -1), reverse.reshape(*terms.shape, at.size), seen
 
     expected = found(method)
     monkeypatch.setattr(_harmonic_problem, "MOST_DIRECT", 0)
