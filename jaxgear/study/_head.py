@@ -20,7 +20,7 @@ from jaxgear.study._drawing import drawing_summary
 from jaxgear.study._notes import notes
 from jaxgear.study._ranks import Doubtful, worst_first
 from jaxgear.study._result import Result, Summary
-from jaxgear.study._running import seconds, stopwatch
+from jaxgear.study._running import Clock, clock, stopwatch
 from jaxgear.study._statics import Statics
 from jaxgear.study._statics_summary import geometry_summary, mounts_summary
 
@@ -97,9 +97,9 @@ def _told_bodies(
     return {"bodies": rows, "notes": known + said}
 
 
-def finished(summary: Summary, said: Sequence[str]) -> Summary:
+def finished(summary: Summary, said: Sequence[str], spent: Clock) -> Summary:
     """A summary with what is said of its scene and its other remarks, the worst first; its cost."""
-    compiling, running = seconds()
+    compiling, running = spent.read()
     summary["cost"] = {
         "compile_s": compiling,
         "run_s": running,
@@ -139,11 +139,11 @@ def study(
             of = pair, scene.gears, scene.flank, scene.optimise
             periods, what = scene.mesh.periods, found.__name__
             scene.refuse(no_mirror_image(*of, periods=periods, what=what))
-        with stopwatch(), keeping_verbs():
+        with stopwatch(), keeping_verbs(), clock() as spent:
             result = found(scene, *more, **named)
             if pair.sense < 0:
                 result = as_coast(result)
             said = [*map(Doubtful, odd(scene)), *assumed(scene)]
-            return dataclasses.replace(result, summary=finished(result.summary, said))
+            return dataclasses.replace(result, summary=finished(result.summary, said, spent))
 
     return studied

@@ -1,5 +1,9 @@
-"""Programs that are run for a study: compiled once, and timed by a stopwatch that all share."""
+"""Programs that are run for a study: compiled once, and timed by a stopwatch that all share.
 
+What a whole study costs a clock tells, to which JAX says when it compiles.
+"""
+
+import functools
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -52,6 +56,54 @@ class Stopwatch:
         self.compile_s += middle - start
         self.run_s += time.perf_counter() - middle
         return result
+
+
+class Clock:
+    """Seconds since it was made, and those of them in which JAX compiled, in whatever thread."""
+
+    def __init__(self):
+        self._start = time.perf_counter()
+        self._spans: list[tuple[float, float]] = []
+
+    def note(self, duration: float) -> None:
+        """JAX has just traced, lowered or compiled, or read a compiled program, for so long [s]."""
+        now = time.perf_counter()
+        self._spans.append((now - duration, now))
+
+    def read(self) -> tuple[float, float]:
+        """Seconds of compiling, and all others."""
+        compiling, reached = 0.0, self._start
+        # Functions are traced within others, and threads compile side by side.
+        for begin, end in sorted(self._spans):
+            compiling += max(0.0, end - max(begin, reached))
+            reached = max(reached, end)
+        return compiling, time.perf_counter() - self._start - compiling
+
+
+_CLOCK: ContextVar[Clock | None] = ContextVar("_CLOCK", default=None)
+
+
+def _noted(event: str, duration_secs: float, **_: str | int) -> None:
+    spent = _CLOCK.get()
+    if spent is not None and event.startswith("/jax/core/compile/"):
+        spent.note(duration_secs)
+
+
+@functools.cache
+def _listen() -> None:
+    """JAX keeps its listeners: one is enough."""
+    jax.monitoring.register_event_duration_secs_listener(_noted)
+
+
+@contextmanager
+def clock() -> Iterator[Clock]:
+    """A clock of all that is done inside, also in threads that are given this context."""
+    _listen()
+    token = _CLOCK.set(made := Clock())
+    try:
+        yield made
+    finally:
+        _CLOCK.reset(token)
 
 
 _WATCH: ContextVar[Stopwatch | None] = ContextVar("_WATCH", default=None)
