@@ -185,8 +185,8 @@ ROWS = (
             "power: the force rises by less than half of it without",
         ),
         lambda f: _growth(f, "power, leaning"),
-        reason="Its line load, over the static one, rises from 0.96 to 1.05, without from 0.92 to "
-        "0.94 (before version 0.12)",
+        reason="With the straight web the force rises by 0.01 only. The line load of the leaning "
+        "one, over the static one, rises from 0.97 to 1.17, without from 0.91 to 0.92",
     ),
     Row(
         "Fig. III-24, accessory",
@@ -290,7 +290,10 @@ ROWS = (
         _WAVES,
         "wheels.run_up",
         tuple(f"n = {n}: backward first" for n in (2, 3, 4)),
-        lambda f: f"all {len(f.rows)} pairs",
+        lambda f: (
+            f"{sum(row[4] < row[5] for row in _with_peaks(f))} of the {len(_with_peaks(f))} pairs "
+            f"of which both waves have a peak, of {len(f.rows)} in all"
+        ),
     ),
     Row(
         "eq. 3.10 to 3.14, Fig. III-41",
@@ -312,6 +315,8 @@ ROWS = (
             f"{min(f.values('side/Z')):.0f} to {max(f.values('side/Z')):.0f} times above Z on the "
             "wheel, each wave running the right way"
         ),
+        reason="Under ten times are four diameters of the power pair's straight web and of the "
+        "accessory pair's of 2 mm, which the mesh hardly excites",
     ),
     Row(
         "Fig. III-46 to III-49",
@@ -323,9 +328,11 @@ ROWS = (
             "all peaks lie within 1.5 % of the predicted speeds",
         ),
         lambda f: (
-            f"all {len(f.rows)} of n = 2, 3, 4, both ways, within "
-            f"{max(abs(x) for x in f.values('off %')):.1f} %"
+            f"of {len(f.rows)} waves (n = 2, 3, 4, both ways) {len(_with_peaks(f))} have a peak, "
+            f"within {max(abs(row[5]) for row in _with_peaks(f)):.1f} %"
         ),
+        reason="Of the accessory pair's web of 2 mm the wave -3 moves the rim by 0.05 um: it is no "
+        "peak beside that of +3",
     ),
     Row(
         "Fig. III-46 to III-50, between",
@@ -359,6 +366,11 @@ def _growth(found, label):
         f"means to 2000 and from 2500 rad/s {row[2]:.3f}, {row[3]:.3f} with, {row[4]:.3f}, "
         f"{row[5]:.3f} without centrifugal load"
     )
+
+
+def _with_peaks(found):
+    """Rows whose waves all have a peak of their own: none of their numbers is missing."""
+    return [row for row in found.rows if all(x == x for x in row)]
 
 
 def _above(found):

@@ -46,8 +46,12 @@ ROWS = (
         "a node of the web at the 2ND resonance: orders 66 and 70",
         "seven wheels, n = 2, 3, 4, both ways",
         "wheels.waves",
-        ("a node answers at Z - n or Z + n at least ten times as much as at Z",),
-        lambda f: f"order Z - n or Z + n {min(f.values('side/Z')):.0f} times above Z, at least",
+        ("... so of two diameters",),
+        lambda f: (
+            "order Z - n or Z + n at least "
+            f"{min(row[6] for row in f.rows if abs(float(row[1])) == 2):.0f} times above Z with "
+            f"two diameters, {min(f.values('side/Z')):.0f} with up to four"
+        ),
     ),
     Row(
         "Fig. IV-20",
