@@ -34,10 +34,18 @@ def over_batch(
 
     **Raises:**
 
-    - `ValueError` if there are no members, or none may stand side by side.
+    - `ValueError` if there are no members, arrays have different numbers of them, or none may stand
+        side by side.
     """
     most = on_cpu if jax.default_backend() == "cpu" else elsewhere
-    count = min((len(x) for x in jax.tree.leaves(members)), default=0)
+    counts = {jnp.shape(x)[:1] for x in jax.tree.leaves(members)}
+    require(
+        len(counts) == 1 and () not in counts,
+        "All arrays of a batch must have as many members, along their first axis; shapes begin "
+        "with {got}.",
+        got=", ".join(map(str, sorted(counts))) or "nothing",
+    )
+    ((count,),) = counts
     require(count > 0, "A batch needs at least one member.")
     require(most > 0, "At least one member must be computed at a time, got {most}.", most=most)
     if most == 1:

@@ -56,6 +56,11 @@ def test_a_batch_is_differentiated():
 
 
 def test_what_is_no_batch_is_refused():
+    with pytest.raises(ValueError, match=r"as many members.* \(2,\), \(3,\)"):
+        jg.over_batch(lambda both: both[0] + both[1], (jnp.zeros(2), jnp.zeros(3)))
+    for no_batch in (jnp.asarray(1.0), ()):
+        with pytest.raises(ValueError, match="as many members"):
+            jg.over_batch(jnp.sin, no_batch)
     with pytest.raises(ValueError, match="at least one member"):
         jg.over_batch(jnp.sin, jnp.zeros(0))
     with pytest.raises(ValueError, match="got 0"):

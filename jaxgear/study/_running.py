@@ -70,6 +70,10 @@ class Clock:
         now = time.perf_counter()
         self._spans.append((now - duration, now))
 
+    def hear(self, inner: "Clock") -> None:
+        """What a clock within this one has noted."""
+        self._spans += inner._spans
+
     def read(self) -> tuple[float, float]:
         """Seconds of compiling, and all others."""
         compiling, reached = 0.0, self._start
@@ -97,13 +101,19 @@ def _listen() -> None:
 
 @contextmanager
 def clock() -> Iterator[Clock]:
-    """A clock of all that is done inside, also in threads that are given this context."""
+    """A clock of all that is done inside, also in threads that are given this context.
+
+    The one around it, if there is one, hears of it at the end.
+    """
     _listen()
-    token = _CLOCK.set(made := Clock())
+    outer, made = _CLOCK.get(), Clock()
+    token = _CLOCK.set(made)
     try:
         yield made
     finally:
         _CLOCK.reset(token)
+        if outer is not None:
+            outer.hear(made)
 
 
 _WATCH: ContextVar[Stopwatch | None] = ContextVar("_WATCH", default=None)

@@ -22,6 +22,14 @@ def test_what_compiles_within_what_compiles_counts_once(monkeypatch):
     assert spent.read() == pytest.approx((3.5, 6.5))
 
 
+def test_a_clock_hears_of_those_within_it():
+    with _running.clock() as outer:
+        with _running.clock() as inner:
+            jax.block_until_ready(jax.jit(lambda x: jnp.cosh(x) - 2.5)(jnp.ones(3)))
+    assert outer.read()[0] == pytest.approx(inner.read()[0])
+    assert inner.read()[0] > 0.0
+
+
 @pytest.mark.parametrize("beside", [False, True])
 def test_a_clock_hears_of_what_is_compiled(beside):
     def compiles():
