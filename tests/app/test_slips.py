@@ -11,6 +11,7 @@ from jaxgear.scene import _slips
 from jaxgear.scene._scene import READY, SceneError, read_scene
 from jaxgear.scene._slips import odd
 from jaxgear.study._head import finished
+from jaxgear.study._running import Clock
 
 _PAIR = """\
 schema = 1
@@ -157,11 +158,11 @@ def test_the_centre_distance_without_backlash_follows_the_profile_shifts(path):
 
 def test_remarks_are_the_first_notes_of_a_summary(path):
     scene = read_scene(path, ["pair.centre_distance_mm=98.8", "pair.pressure_angle_deg=25"])
-    summary = finished({"notes": ["what else there is"]}, odd(scene))
+    summary = finished({"notes": ["what else there is"]}, odd(scene), Clock())
     first, *others = summary["notes"]
     assert first.startswith("pair.centre_distance_mm = 98.8 mm leaves a backlash")
     assert others[-1] == "what else there is"
-    plain = finished({}, odd(read_scene(path)))
+    plain = finished({}, odd(read_scene(path)), Clock())
     assert "notes" not in plain
 
 
