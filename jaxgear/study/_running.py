@@ -121,19 +121,16 @@ _WATCH: ContextVar[Stopwatch | None] = ContextVar("_WATCH", default=None)
 
 @contextmanager
 def stopwatch() -> Iterator[Stopwatch]:
-    """A stopwatch for all that is run inside; the one around it is told of the seconds at the end.
+    """A stopwatch for all that is run inside, and not by a stopwatch within it.
 
     Programs of functions without a name of their own are kept as long as it lives.
     """
-    outer, inner = _WATCH.get(), Stopwatch()
-    token = _WATCH.set(inner)
+    made = Stopwatch()
+    token = _WATCH.set(made)
     try:
-        yield inner
+        yield made
     finally:
         _WATCH.reset(token)
-        if outer is not None:
-            outer.compile_s += inner.compile_s
-            outer.run_s += inner.run_s
 
 
 def timed(function: Callable[..., Any], *arguments: Any, options: Options = USUALLY) -> Any:
