@@ -186,14 +186,21 @@ def mesh_load(
 
     Resultants of the cell forces [N, N m], and their derivative by `place` [N/m, N, N m].
     """
+    force, _, pushed = _pressed_cells(mesh, place, law)
+    return mesh.arms.T @ force, mesh.arms.T @ pushed
+
+
+def _pressed_cells(
+    mesh: Mesh, place: Coordinates, law: AbstractContactLaw
+) -> tuple[Cells, Cells, CellColumns]:
+    """Force and overlap of each cell, and the forces per mesh coordinate."""
     if isinstance(law, ExactContact) and mesh.coupling is not None and mesh.coupling.ndim == 2:
         free = mesh.arms @ place - mesh.gap
         force, pushed = _exact_forces(mesh.stiffness, mesh.coupling, free, mesh.arms)
-    else:
-        force, overlap = cell_forces(mesh, place, law)
-        _, slope = _pressed(law, overlap)
-        pushed = tangent_columns(mesh.stiffness * slope, mesh.coupling, mesh.arms)
-    return mesh.arms.T @ force, mesh.arms.T @ pushed
+        return force, free - body_yield(mesh.coupling, force), pushed
+    force, overlap = cell_forces(mesh, place, law)
+    _, slope = _pressed(law, overlap)
+    return force, overlap, tangent_columns(mesh.stiffness * slope, mesh.coupling, mesh.arms)
 
 
 def tangent_columns(stiffness: Cells, coupling: Coupling | None, arms: CellArms) -> CellColumns:
@@ -222,15 +229,14 @@ def mean_load(
 
     Resultants of the mean cell forces [N, N m]; their derivatives by `first` and by `last`.
     """
-    law = ExactContact()
-    _, begun = cell_forces(start, first, law)
-    _, ended = cell_forces(end, last, law)
+    begun, by_first = _overlaps(start, first)
+    ended, by_last = _overlaps(end, last)
     compression = mean_ramp(begun, ended)
-    by_begun, by_ended = _ramp_slopes(begun, ended, compression)
+    slopes = _ramp_slopes(begun, ended, compression)
     load = middle.arms.T @ (middle.stiffness * compression)
     tangents = [
-        middle.arms.T @ ((middle.stiffness * slope)[:, None] * _overlap_slopes(mesh, at, law))
-        for mesh, at, slope in ((start, begun, by_begun), (end, ended, by_ended))
+        middle.arms.T @ ((middle.stiffness * slope)[:, None] * columns)
+        for slope, columns in zip(slopes, (by_first, by_last), strict=True)
     ]
     return load, tangents[0], tangents[1]
 
@@ -261,14 +267,13 @@ def mean_tangent(
     return middle.arms.T @ columns
 
 
-def _overlap_slopes(mesh: Mesh, overlap: Cells, law: AbstractContactLaw) -> CellColumns:
-    """Overlap of each cell per mesh coordinate, what the bodies yield subtracted."""
+def _overlaps(mesh: Mesh, place: Coordinates) -> tuple[Cells, CellColumns]:
+    """Overlap of each cell with exact contact, what bodies yield subtracted, and its slopes."""
+    _, overlap, pushed = _pressed_cells(mesh, place, ExactContact())
     if mesh.coupling is None:
-        return mesh.arms
-    _, slope = _pressed(law, overlap)
-    pushed = tangent_columns(mesh.stiffness * slope, mesh.coupling, mesh.arms)
-    columns = [body_yield(mesh.coupling, pushed[:, i]) for i in range(pushed.shape[1])]
-    return mesh.arms - jnp.stack(columns, axis=1)
+        return overlap, mesh.arms
+    yields = jax.vmap(body_yield, in_axes=(None, 1), out_axes=1)
+    return overlap, mesh.arms - yields(mesh.coupling, pushed)
 
 
 def mean_ramp(first: Reals, last: Reals) -> Reals:

@@ -29,7 +29,7 @@ from jaxgear._dynamics._harmonic_basis import (
 from jaxgear._dynamics._harmonic_problem import (
     Problem,
     excess_stiffness,
-    is_iterated,
+    is_long,
     loads_of,
     motion_of_nodes,
     responses_of,
@@ -283,7 +283,7 @@ def harmonic_balance_problem(method: HarmonicBalance, system: DynamicSystem) -> 
     )
     unknowns = system.vectors.shape[1] * (2 * count + 1)
     begin, middle, end, analysis = _transforms(
-        table, count, averaged=method.averaged, long=is_iterated(unknowns)
+        table, count, averaged=method.averaged, long=is_long(unknowns)
     )
     times = (begin, end) if method.averaged else (middle,)
     parts = (START, MIDDLE, END) if method.averaged else (MIDDLE,)

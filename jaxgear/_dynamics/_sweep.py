@@ -22,7 +22,7 @@ from jaxgear._dynamics._harmonic import (
     fourier_coefficients,
     harmonic_balance_problem,
 )
-from jaxgear._dynamics._harmonic_problem import is_iterated
+from jaxgear._dynamics._harmonic_problem import is_long
 from jaxgear._dynamics._march import TimeHistory, TimeStepping, march_on, quasi_static_start
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._shooting import Shooting
@@ -209,7 +209,7 @@ class Finder:
             return found if found.stable else self._left(found, speed, start)
         # One step that would be too long again is not tried.
         step = self._halved if self.far and last.settled else self._followed
-        long = is_iterated(self._balance(1).rest.size)
+        long = is_long(self._balance(1).rest.size)
         found = step(speed, last, _HALVINGS_OF_LONG if long else _HALVINGS)
         self.far = not self._near(found, last)
         return found

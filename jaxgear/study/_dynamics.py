@@ -11,6 +11,7 @@ import numpy as np
 from jaxgear._checks import require
 from jaxgear._dynamics._damping import AbstractDamping, ModalDamping, RayleighDamping
 from jaxgear._dynamics._harmonic import HarmonicBalance
+from jaxgear._dynamics._harmonic_problem import is_long
 from jaxgear._dynamics._march import TimeStepping
 from jaxgear._dynamics._modes import Modes, pair_modes
 from jaxgear._dynamics._pair_dynamics import pair_dynamics
@@ -29,9 +30,6 @@ from jaxgear.study._result import Summary
 from jaxgear.study._running import timed
 from jaxgear.study._statics import Statics, require_solved, settled_statics, solve_statics
 
-# A matrix of more unknowns is not solved unasked, for a branch or for derivatives: of 1600 it takes
-# 1.2 s of a rigid pair (20 mesh periods), 0.5 s of 250 shapes.
-MOST_UNKNOWNS = 1600
 # A harmonic balance of more is not taken unasked: iteration keeps 200 directions, of 0.2 GB.
 MOST_ITERATED = 100_000
 
@@ -140,8 +138,8 @@ def unknowns_of(asked: SweepKeys, size: Size) -> int:
 
 
 def is_too_large(asked: SweepKeys, size: Size) -> bool:
-    """Whether a balance has too many unknowns for a matrix of all of them."""
-    return unknowns_of(asked, size) > MOST_UNKNOWNS
+    """Whether a branch, or derivatives, have too many unknowns to be looked for unasked."""
+    return is_long(unknowns_of(asked, size))
 
 
 def is_followed(asked: SweepKeys, size: Size) -> bool:

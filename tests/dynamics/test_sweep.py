@@ -117,7 +117,7 @@ def test_the_way_to_a_speed_is_halved_less_often_over_a_long_cycle(monkeypatch):
     last, often = finder.next(jnp.asarray(2.3), None), []
     monkeypatch.setattr(finder, "_followed", lambda _, last, most: often.append(most) or last)
     finder.next(jnp.asarray(2.2), last)
-    monkeypatch.setattr(_harmonic_problem, "MOST_DIRECT", 0)
+    monkeypatch.setattr(_harmonic_problem, "MOST_AT_ONCE", 0)
     finder.next(jnp.asarray(2.2), last)
     assert often == [5, 2]
 

@@ -122,6 +122,28 @@ def _coupled(random: np.random.Generator, lines: int) -> tuple[Mesh, np.ndarray,
     return mesh, stiffness, dense
 
 
+def test_mean_over_a_step_has_true_slopes_where_cells_share_a_body():
+    """Slices on their own, and the same coupling as a matrix of all cells."""
+    mesh, _, dense = _coupled(np.random.default_rng(4), 3)
+    dense = jnp.asarray(dense)
+    arms = jnp.stack([jnp.ones(9), jnp.linspace(-1.0, 1.0, 9)], axis=1)
+    by_slices = dataclasses.replace(mesh, arms=arms)
+    ends = jnp.asarray([0.4, 0.1]), jnp.asarray([-0.2, 0.6])
+
+    @jax.jit
+    def both(mesh):
+        mean = lambda *x: mean_load(mesh, mesh, mesh, *x)
+        return mean(*ends), jax.jacfwd(lambda *x: mean(*x)[0], argnums=(0, 1))(*ends)
+
+    found = [both(x) for x in (by_slices, dataclasses.replace(mesh, arms=arms, coupling=dense))]
+    for (_, *slopes), by_jax in found:
+        for slope, expected in zip(slopes, by_jax, strict=True):
+            assert float(jnp.abs(slope).min()) > 0.0
+            np.testing.assert_allclose(slope, expected, rtol=1e-9)
+    for one, other in zip(found[0][0], found[1][0], strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9)
+
+
 @pytest.mark.parametrize("lines", quick(1, [3, 2, 4]))
 def test_lines_share_a_body_in_any_state_of_contact(lines):
     """Against the only set of closed cells that fits, found among all."""
