@@ -72,9 +72,7 @@ def write_dataset(
     size = sum(each.nbytes for each in (dataset, *(groups or {}).values()))
     with whole_file(path) as draft:
         try:
-            dataset.to_netcdf(draft, engine="netcdf4", format="NETCDF4")
-            for name, group in (groups or {}).items():
-                group.to_netcdf(draft, mode="a", group=name, engine="netcdf4", format="NETCDF4")
+            _write_groups({"/": dataset, **(groups or {})}, draft)
         except (OSError, RuntimeError) as error:
             # The library calls a full disk by other names.
             if shutil.disk_usage(path.parent).free < size + _ROOM:
@@ -82,6 +80,16 @@ def write_dataset(
             if isinstance(error, OSError):
                 raise
             raise OSError(errno.EIO, str(error), str(path)) from error
+
+
+def _write_groups(datasets: "Mapping[str, xr.Dataset]", path: Path) -> None:
+    """Write datasets as groups of one file, opened once: each opening costs as much as a group."""
+    import netCDF4
+    from xarray.backends import NetCDF4DataStore
+
+    with netCDF4.Dataset(path, mode="w", format="NETCDF4") as file:
+        for name, dataset in datasets.items():
+            dataset.dump_to_store(NetCDF4DataStore(file.createGroup(name)))
 
 
 def write_json(summary: Mapping[str, object], path: Path) -> None:
