@@ -59,7 +59,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for name in _THREADS:
         os.environ.setdefault(name, "1")
     # Python would look for garbage over and over through all that is imported and traced.
-    gc.set_threshold(200_000, 50, 100)
+    gc.set_threshold(1_000_000, 50, 100)
     if sys.stdout is None:
         # Closed, as some services start their commands.
         sys.stdout = open(os.devnull, "w", encoding="utf-8")
