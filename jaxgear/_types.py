@@ -114,9 +114,9 @@ def as_scalar(value: object) -> Array:
 
 def as_reals(value: object) -> Array:
     """Real numbers of any shape as a differentiable leaf; as `as_scalar`."""
-    # Numbers of Python would be converted by a compiled program, those of NumPy are only copied.
+    # Single numbers would be converted by a compiled program, arrays of NumPy are only copied.
     plain = isinstance(value, float | int | np.number)
-    return jnp.asarray(np.float64(value) if plain else value, dtype=float)
+    return jnp.asarray(np.asarray(value, dtype=float) if plain else value, dtype=float)
 
 
 def as_optional_scalar(value: object) -> Array | None:

@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import jax.scipy.linalg
 import numpy as np
-import scipy.sparse.linalg
+import scipy
 from jaxtyping import Array, Float
 
 from jaxgear._compiled import lasting

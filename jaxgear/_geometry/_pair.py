@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxgear._checks import require
-from jaxgear._compiled import any_traced, compiled
+from jaxgear._compiled import any_traced, compiled, lasting
 from jaxgear._geometry._gear import Gear
 from jaxgear._geometry._pair_facts import PairFacts
 from jaxgear._geometry._pair_formulas import AbstractGearPair
@@ -49,7 +49,8 @@ class GearPair(AbstractGearPair):
     @property
     def teeth(self) -> Bodies:
         """Numbers of teeth, as reals [-]."""
-        return jnp.asarray([self.pinion.teeth, self.wheel.teeth], dtype=float)
+        # As `as_reals`: a list would cost a program.
+        return jnp.asarray(np.asarray([self.pinion.teeth, self.wheel.teeth], dtype=float))
 
 
 @compiled
@@ -137,7 +138,7 @@ def _of_numbers(pair: GearPair) -> _PairOfNumbers:
     )
 
 
-@compiled
+@lasting
 def _facts(pair: _PairOfNumbers) -> PairFacts:
     ratios = (profile_contact_ratio, overlap_ratio, total_contact_ratio, full_tip_shortening)
     found = {ratio.__name__: ratio(pair) for ratio in ratios}
@@ -145,7 +146,7 @@ def _facts(pair: _PairOfNumbers) -> PairFacts:
     return PairFacts(**own, **found)
 
 
-@compiled
+@lasting
 def _root_radii(pair: _PairOfNumbers) -> Bodies:
     return pair.root_radius
 

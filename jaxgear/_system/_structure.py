@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxgear._checks import require
-from jaxgear._compiled import compiled
+from jaxgear._compiled import compiled, in_numpy
 from jaxgear._system._body_loads import seat_loads
 from jaxgear._system._gear_body import BODIES, AbstractGearBody, carried
 from jaxgear._system._housing import Housing, bearing_stiffness_on
@@ -233,8 +233,10 @@ def check_torque(pinion: AbstractMount, torque: Scalar) -> None:
 
     - `InputError` unless the torque is positive, and what the mesh must balance too.
     """
+    # As `driving_torque`, but each operation of JAX's would be a program.
+    drive, couple = in_numpy(torque), in_numpy(pinion.couple)
     require(
-        torque > 0.0,
+        drive > 0.0,
         "The pinion's torque must be positive, got {got:.6g} N m: it drives. Without "
         "load flanks touch at one point: see `unloaded_transmission_error`. To load the coast "
         "flanks mirror the pair: change the sign of the helix angle, of misalignment and loads "
@@ -242,7 +244,7 @@ def check_torque(pinion: AbstractMount, torque: Scalar) -> None:
         got=torque,
     )
     require(
-        driving_torque(pinion, torque) > 0.0,
+        drive + couple > 0.0,
         "Couples about Z on the pinion's shaft of {couple:.6g} N m leave the mesh nothing of its "
         "torque of {torque:.6g} N m: the pinion must drive. Change the sign of a couple, or the "
         "torque.",

@@ -157,7 +157,8 @@ def sliding_dataset(
     pair: GearPair, efficiency: float, friction: float, pinion_speed: float | None = None
 ) -> xr.Dataset:
     """How the flanks slide along the path of contact, at a speed of the pinion [rad/s]."""
-    slid, about = called(_slid, pair), "sliding over rolling speed of the {}'s flank"
+    slid = jax.tree.map(np.asarray, called(_slid, pair))
+    about = "sliding over rolling speed of the {}'s flank"
     speed = np.nan if pinion_speed is None else pinion_speed
     return dataset_of(
         told(
