@@ -13,7 +13,7 @@ from jaxgear._geometry._gear import Gear
 from jaxgear._geometry._pair_facts import PairFacts
 from jaxgear._geometry._pair_formulas import AbstractGearPair
 from jaxgear._geometry._tooth_checks import check_tooth
-from jaxgear._types import Bodies, Scalar, as_optional_scalar, as_scalar
+from jaxgear._types import Bodies, Scalar, as_optional_scalar, as_reals, as_scalar
 from jaxgear._units import deg, mm
 
 
@@ -49,8 +49,8 @@ class GearPair(AbstractGearPair):
     @property
     def teeth(self) -> Bodies:
         """Numbers of teeth, as reals [-]."""
-        # As `as_reals`: a list would cost a program.
-        return jnp.asarray(np.asarray([self.pinion.teeth, self.wheel.teeth], dtype=float))
+        # A list would cost a program.
+        return as_reals(np.asarray([self.pinion.teeth, self.wheel.teeth], dtype=float))
 
 
 @compiled

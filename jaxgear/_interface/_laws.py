@@ -6,6 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from jaxgear._checks import require
+from jaxgear._compiled import in_numpy
 from jaxgear._smooth import smooth_ramp, smooth_ramp_integral
 from jaxgear._types import Reals, Scalar, as_scalar
 
@@ -52,7 +53,7 @@ class SmoothContact(AbstractContactLaw):
 
     def __check_init__(self):
         require(
-            self.width > 0.0,
+            in_numpy(self.width) > 0.0,
             "`SmoothContact.width` must be positive, got {got:.6g} m. Without smoothing, use "
             "`ExactContact`.",
             got=self.width,

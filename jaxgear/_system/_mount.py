@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 from jaxgear._geometry._gear import Material
 from jaxgear._system._beam import Beam
 from jaxgear._system._shaft_parts import Bearing, ShaftLoad
-from jaxgear._types import Scalar
+from jaxgear._types import Scalar, as_scalar
 
 if TYPE_CHECKING:
     NodeDofs = Array
@@ -89,7 +89,7 @@ class AbstractMount(eqx.Module):
     def couple(self) -> Scalar:
         """Sum of the couples about Z that come from outside [N m]."""
         if not self.loads:
-            return jnp.zeros(())
+            return as_scalar(0.0)
         return jnp.sum(jnp.stack([load.moment[2] for load in self.loads]))
 
     @property

@@ -98,7 +98,7 @@ def _of_bodies(waves: BodyWaves, harmonics: int) -> tuple[Datasets, Summary]:
 
 def _where_last(dynamics: Dynamics, count: int) -> float:
     """Up to where the mesh frequency itself meets the last of so many modes [rad/s]."""
-    last = float(dynamics.modes.frequency[count - 1])
+    last = float(np.asarray(dynamics.modes.frequency)[count - 1])
     return 1.05 * 2.0 * np.pi * last / dynamics.statics.model.pair.pinion.teeth
 
 
