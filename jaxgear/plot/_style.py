@@ -27,7 +27,6 @@ from matplotlib.transforms import Bbox, ScaledTranslation
 from jaxgear._whole_file import whole_file
 from jaxgear.plot._cycle import cycle_periods
 from jaxgear.plot._palette import GREY, SURFACE
-from jaxgear.plot._png import write_png
 
 # Behind a text that stands on lines.
 BOX = {"boxstyle": "round,pad=0.2", "fc": "white", "ec": "none", "alpha": 0.85}
@@ -83,14 +82,14 @@ def write_picture(draw: Callable[[], Figure], png: Path, svg: Path) -> None:
             _measure_once(axes)
         lay_out(figure)
         figure.set_layout_engine("none")
-        canvas.draw()
         with whole_file(png) as draft:
-            write_png(np.asarray(canvas.buffer_rgba()), draft, _DPI)
+            canvas.print_png(draft, pil_kwargs={"compress_level": _COMPRESSION})
         with whole_file(svg) as draft:
             FigureCanvasSVG(figure).print_svg(draft, metadata={"Date": None})
 
 
-_DPI = 150
+# A tenth more bytes than the default, for half the time.
+_DPI, _COMPRESSION = 150, 1
 
 
 def _plain_decades(axes: Axes) -> None:

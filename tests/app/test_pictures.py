@@ -30,7 +30,7 @@ from jaxgear.plot import _cycle_pictures as pictures
 from jaxgear.plot import _cycle_tables as tables
 from jaxgear.plot._cycle import cycle_statistics
 from jaxgear.plot._pair_pictures import gear_pair
-from jaxgear.plot._style import house_look
+from jaxgear.plot._style import house_look, write_picture
 from jaxgear.study import _pair_dataset as pair_dataset
 from jaxgear.study import _shafts
 from jaxgear.study._results import static_dataset
@@ -536,6 +536,16 @@ def _words(svg):
     found = re.findall(r"<text ([^>]*)>([^<]*)<", svg.read_text(encoding="utf-8"))
     places = [re.findall(r"-?[0-9.]+", re.sub(r'style="[^"]*"', "", about)) for about, _ in found]
     return [word for _, word in found], [[float(x) for x in place[:2]] for place in places]
+
+
+def test_values_between_decades_are_plain_numbers(tmp_path):
+    figure = Figure(figsize=(3.0, 2.0))
+    axes = figure.subplots()
+    axes.set(yscale="log", ylim=(0.15, 1.5))
+    write_picture(lambda: figure, tmp_path / "some.png", tmp_path / "some.svg")
+    named = [each.get_text() for each in axes.get_yticklabels("minor") if each.get_text()]
+    assert {"0.2", "0.4"} <= set(named)
+    assert not [text for text in named if "$" in text]
 
 
 def test_without_pictures_data_is_written_all_the_same(tmp_path):
