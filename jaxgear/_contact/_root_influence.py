@@ -308,7 +308,8 @@ def _linearised(
     """Numbers of a shape, its terms and their slopes."""
     numbers, shaped = ravel_pytree((section, tip_roll, poisson))
     terms, push = jax.linearize(lambda moved: _solved_terms(*shaped(moved)), numbers)
-    return numbers, terms, jax.lax.map(push, jnp.eye(numbers.size))
+    # In a function of its own: of what has no name JAX prints all that was traced.
+    return numbers, terms, jax.lax.map(lambda moved: push(moved), jnp.eye(numbers.size))
 
 
 def _motions(pieces: tuple[Piece, ...], outline: Boundary, poisson: Scalar) -> Array:

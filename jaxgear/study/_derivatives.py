@@ -91,11 +91,13 @@ def linearised(function: Callable[..., tuple[Reals, Any]]) -> Callable:
     def program(numbers: Reals, tangents: Reals, weights: Reals | None, *others: Any):
         own = lambda numbers: function(numbers, *others)
         value, push, seen = jax.linearize(own, numbers, has_aux=True)
+        # Named: of what has no name JAX prints all that was traced, to tell it in errors.
+        along = lambda moved: push(moved)
         # One column, or one row, after the other: batched they take far longer to compile.
-        columns = jax.lax.map(push, tangents)
+        columns = jax.lax.map(along, tangents)
         if weights is None:
             return value, seen, columns, None
-        pull = jax.linear_transpose(push, numbers)
+        pull = jax.linear_transpose(along, numbers)
         return value, seen, columns, jax.lax.map(lambda row: pull(row)[0], weights)
 
     return program

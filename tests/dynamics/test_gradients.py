@@ -112,8 +112,8 @@ def _responses(factors, speed, names):
 def _derivatives(factors, speed, names):
     """Values, and derivatives in both directions: one program, one column after the other."""
     value, push, seen = jax.linearize(lambda x: _responses(x, speed, names), factors, has_aux=True)
-    pull = jax.linear_transpose(push, factors)
-    forward = jax.lax.map(push, jnp.eye(factors.size)).T
+    pull = jax.linear_transpose(lambda moved: push(moved), factors)
+    forward = jax.lax.map(lambda moved: push(moved), jnp.eye(factors.size)).T
     reverse = jax.lax.map(lambda weights: pull(weights)[0], jnp.eye(value.size))
     return value, forward, reverse, seen
 

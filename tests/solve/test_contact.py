@@ -372,7 +372,7 @@ def test_derivatives_are_those_of_the_solution(law, dense):
     @jax.jit
     def evaluated(problem, along):
         value, push = jax.linearize(number, problem)
-        (reverse,) = jax.linear_transpose(push, problem)(jnp.ones_like(value))
+        (reverse,) = jax.linear_transpose(lambda x: push(x), problem)(jnp.ones_like(value))
         return value, push(along), reverse
 
     step = 1e-6 if law == "exact" else 1e-5

@@ -180,7 +180,7 @@ def test_rms_follows_the_contact_ratio(ratio):
     @jax.jit
     def slopes(addendum):
         value, push = jax.linearize(rms, addendum)
-        pull = jax.linear_transpose(push, addendum)
+        pull = jax.linear_transpose(lambda moved: push(moved), addendum)
         return push(jnp.ones_like(addendum)), pull(jnp.ones_like(value))[0]
 
     for got in slopes(jnp.asarray(drawing.addendum[0])):
