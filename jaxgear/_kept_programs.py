@@ -217,6 +217,10 @@ def _program(
 
 def _compiled(lowered: jax.stages.Lowered, options: Options) -> jax.stages.Compiled:
     make_room()
+    # What the environment says to XLA it says for these programs too.
+    options = tuple(
+        each for each in options if f"--{each[0]}=" not in os.environ.get("XLA_FLAGS", "")
+    )
     try:
         return lowered.compile(compiler_options=dict(options))
     except jax.errors.JaxRuntimeError as error:

@@ -148,11 +148,26 @@ def test_what_has_no_portable_form_is_compiled_as_it_is(kept_in, monkeypatch):
     assert not list(kept_in.iterdir())
 
 
-def test_an_option_that_a_compiler_does_not_have_is_left_out():
+def test_an_option_that_a_compiler_does_not_have_is_left_out(monkeypatch):
+    monkeypatch.delenv("XLA_FLAGS")
     unknown = (("xla_of_another_version", True), *programs.QUICKLY)
     assert programs.called(jnp.sin, 0.0, options=unknown) == 0.0
     with pytest.raises(jax.errors.JaxRuntimeError, match="xla_backend_optimization_level"):
         programs.called(jnp.sin, 0.0, options=(("xla_backend_optimization_level", "much"),))
+
+
+def test_an_option_that_the_environment_has_is_left_to_it(monkeypatch):
+    told = []
+    monkeypatch.setenv("XLA_FLAGS", "--xla_backend_optimization_level=0")
+    compile_ = jax.stages.Lowered.compile
+    monkeypatch.setattr(
+        jax.stages.Lowered,
+        "compile",
+        lambda self, compiler_options: told.append(compiler_options) or compile_(self),
+    )
+    programs.forget()
+    assert programs.called(jnp.sin, 0.0, options=programs.USUALLY) == 0.0
+    assert told == [{"xla_cpu_use_fusion_emitters": False}]
 
 
 # --- Verbs whose programs are kept
