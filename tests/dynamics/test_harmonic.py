@@ -84,9 +84,11 @@ def test_iteration_finds_what_the_matrix_does(name, monkeypatch):
         @jax.jit
         def all_of_it(at):
             terms, push, seen = jax.linearize(lambda x: response(x, method), at, has_aux=True)
-            pull = jax.linear_transpose(lambda moved: push(moved), at)
-            (reverse,) = jax.vmap(pull)(jnp.eye(terms.size).reshape(-1, *terms.shape))
-            return terms, jax.vmap(lambda moved: push(moved))(jnp.eye(at.size)), reverse, seen
+            along = lambda moved: push(moved)
+            pull = jax.linear_transpose(along, at)
+            # One after the other: batched they take far longer to compile.
+            (reverse,) = jax.lax.map(pull, jnp.eye(terms.size).reshape(-1, *terms.shape))
+            return terms, jax.lax.map(along, jnp.eye(at.size)), reverse, seen
 
         terms, forward, reverse, seen = all_of_it(at)
         return terms, jnp.moveaxis(forward, 0, -1), reverse.reshape(*terms.shape, at.size), seen
