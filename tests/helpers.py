@@ -83,9 +83,10 @@ def assert_gradient(
     direction = _direction(argument, argument if scale is None else scale)
     moved, fixed = eqx.partition(argument, eqx.is_inexact_array)
 
-    # Value and both derivatives in one program: it is traced and compiled once.
+    # Value and both derivatives in one program: it is traced and compiled once. All numbers are its
+    # arguments: with constants the compiler would compute.
     @jax.jit
-    def evaluated(distance: Array) -> tuple[Array, Array, Array]:
+    def evaluated(moved: PyTree, direction: PyTree, distance: Array) -> tuple[Array, Array, Array]:
         at = eqx.apply_updates(moved, _scaled(direction, distance))
         value, push = jax.linearize(lambda x: function(eqx.combine(x, fixed)), at)
         # In a function of its own: of what has no name JAX prints all that was traced.
@@ -95,9 +96,10 @@ def assert_gradient(
         found = sum((jnp.vdot(slope, part) for slope, part in parts), jnp.zeros(()))
         return value, push(direction), found
 
-    ahead, behind = (float(evaluated(jnp.asarray(by))[0]) for by in (step, -step))
+    at = lambda by: [float(x) for x in evaluated(moved, direction, jnp.asarray(by))]
+    ahead, behind = (at(by)[0] for by in (step, -step))
     central = (ahead - behind) / (2 * step)
-    forward, reverse = (float(x) for x in evaluated(jnp.asarray(0.0))[1:])
+    forward, reverse = at(0.0)[1:]
 
     found = f"\n  reverse {reverse:.12g}\n  forward {forward:.12g}\n  central {central:.12g}"
     assert np.isfinite([reverse, forward, central]).all(), found
