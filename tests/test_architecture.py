@@ -175,20 +175,27 @@ class Class(NamedTuple):
         return self.node.name.lstrip("_").startswith("Abstract")
 
 
-def read_sources(root: Path, *folders: str) -> list[Source]:
+@functools.cache
+def read_sources(root: Path, *folders: str) -> tuple[Source, ...]:
     """Parse every Python file and stub below the folders; one that does not exist has none."""
-    return [
+    return tuple(
         Source(PurePosixPath(path.relative_to(root).as_posix()), _parsed(path))
         for folder in folders
         for ending in ("*.py", "*.pyi")
         for path in sorted((root / folder).rglob(ending))
-    ]
+    )
 
 
 @functools.cache
 def _parsed(path: Path) -> ast.Module:
     """A file's tree, for all rules: none of them changes it."""
     return ast.parse(path.read_bytes())
+
+
+@functools.cache
+def _nodes(tree: ast.Module) -> tuple[ast.AST, ...]:
+    """All nodes of a file, found once for all rules."""
+    return tuple(ast.walk(tree))
 
 
 def _last_name(node: ast.AST) -> str:
@@ -201,8 +208,13 @@ def _last_name(node: ast.AST) -> str:
     return ""
 
 
-def _imports(source: Source) -> Iterator[Import]:
-    for node in ast.walk(source.tree):
+@functools.cache
+def _imports(source: Source) -> tuple[Import, ...]:
+    return tuple(_found_imports(source))
+
+
+def _found_imports(source: Source) -> Iterator[Import]:
+    for node in _nodes(source.tree):
         if isinstance(node, ast.Import):
             yield from (Import(node, alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -217,7 +229,7 @@ def _classes(sources: Iterable[Source]) -> dict[str, Class]:
     return {
         node.name: Class(source, node)
         for source in sources
-        for node in ast.walk(source.tree)
+        for node in _nodes(source.tree)
         if isinstance(node, ast.ClassDef)
     }
 
@@ -331,7 +343,7 @@ def faults_of_sides(sources: Iterable[Source]) -> Iterator[str]:
             by_name = isinstance(found.node, ast.ImportFrom) and len(names) == 1
             if names and not (by_name and not names[0].startswith("_")):
                 yield f"{source.at(found.node)}: {found.name} is not a public name of jaxgear"
-        for node in ast.walk(source.tree):
+        for node in _nodes(source.tree):
             match node:
                 case ast.Attribute(value=ast.Name(id=alias), attr=name) if alias in aliases:
                     if name.startswith("_"):
@@ -486,7 +498,7 @@ def faults_of_globals(sources: Iterable[Source]) -> Iterator[str]:
     for source in sources:
         if source.path in CONFIGURE:
             continue
-        for node in ast.walk(source.tree):
+        for node in _nodes(source.tree):
             match node:
                 case ast.Call(func=ast.Attribute(value=owner, attr="update")):
                     touched = _last_name(owner) == "config"
@@ -511,7 +523,7 @@ def faults_of_sizes(sources: Iterable[Source]) -> Iterator[str]:
     for source in _held(sources):
         if source.lines > LONGEST_FILE:
             yield f"{source.path}: {source.lines} lines, at most {LONGEST_FILE} can be: split it"
-        for node in ast.walk(source.tree):
+        for node in _nodes(source.tree):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 length = (node.end_lineno or node.lineno) - node.lineno + 1
                 if length > LONGEST_FUNCTION:
@@ -582,7 +594,7 @@ def test_rules_have_something_to_hold():
 def test_names_of_classes_are_unique():
     for family in FAMILIES:
         sources = read_sources(ROOT, *family)
-        count = sum(isinstance(x, ast.ClassDef) for s in sources for x in ast.walk(s.tree))
+        count = sum(isinstance(x, ast.ClassDef) for s in sources for x in _nodes(s.tree))
         assert len(_classes(sources)) == count
 
 
