@@ -117,6 +117,7 @@ def shaken(grid: Grid, by: float, *, curved: bool = False) -> Grid:
 
 def assert_near(found: np.ndarray, wanted: np.ndarray, share: float) -> None:
     """Compare arrays; a difference is measured against the largest number wanted."""
+    found, wanted = np.asarray(found), np.asarray(wanted)
     off, size = abs(found - wanted).max(), abs(wanted).max()
     assert off <= share * size, f"off by {off / size:.3g} of {size:.6g}, wanted {share}"
 

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxgear._checks import require
+from jaxgear._compiled import compiled
 from jaxgear._system._body_heat import BodyHeat
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._types import Reals, Scalar
@@ -70,12 +71,7 @@ class BodyFamily(eqx.Module):
             high=high,
             got=at,
         )
-        shares = _shares(self._coordinate(self.parameters), self._coordinate(at))
-        shares = jnp.where(inside, shares, jnp.nan)
-        return jax.tree.map(lambda each: jnp.tensordot(shares, each, axes=1), self.bodies)
-
-    def _coordinate(self, parameter: Array) -> Array:
-        return 1.0 / parameter if self.reciprocal else parameter
+        return _between(self, at, inside)
 
 
 def family_parameters(
@@ -170,7 +166,7 @@ def body_family(
         "The bodies of a family must be of one gear with the same seats, slices, lines and "
         "periods. Make all of them with `flexible_body` from the same grid.",
     )
-    stacked = jax.tree.map(lambda *each: jnp.stack(each), *still)
+    stacked = _stacked(*still)
     family = BodyFamily(jnp.asarray(at), stacked, 0.0, reciprocal)
     errors = [table_difference(family(place), body) for place, body in checks]
     worst = int(np.argmax(errors))
@@ -187,8 +183,22 @@ def body_family(
     return BodyFamily(family.parameters, stacked, float(errors[worst]), reciprocal)
 
 
+@compiled
+def _between(family: BodyFamily, at: Scalar, inside: Array) -> FlexibleBody:
+    """The body at one place, not a number outside of the family."""
+    coordinate = lambda parameter: 1.0 / parameter if family.reciprocal else parameter
+    shares = _shares(coordinate(family.parameters), coordinate(at))
+    shares = jnp.where(inside, shares, jnp.nan)
+    return jax.tree.map(lambda each: jnp.tensordot(shares, each, axes=1), family.bodies)
+
+
 def _is_none(x: object) -> bool:
     return x is None
+
+
+@compiled
+def _stacked(*bodies: FlexibleBody) -> FlexibleBody:
+    return jax.tree.map(lambda *each: jnp.stack(each), *bodies)
 
 
 def _shares(points: Array, at: Array) -> Array:

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from jaxgear._compiled import compiled
 from jaxgear._geometry._lines import ContactLines
 from jaxgear._geometry._pair import GearPair
 from jaxgear._system._body_modes import wave_partners
@@ -32,6 +33,7 @@ class FootTables(eqx.Module):
     heated: CellGrid | None = None
 
 
+@compiled
 def foot_tables(pair: GearPair, index: int, body: FlexibleBody, lines: ContactLines) -> FootTables:
     """What a condensed body adds to the cells of a cycle.
 
@@ -63,6 +65,7 @@ def foot_tables(pair: GearPair, index: int, body: FlexibleBody, lines: ContactLi
     return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), found)
 
 
+@compiled
 def mode_arms(pair: GearPair, index: int, body: FlexibleBody, lines: ContactLines) -> CellArmGrid:
     """Approach of each cell per motion of modes and residual shapes, in coordinates of space.
 

@@ -6,8 +6,10 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import jax.scipy.linalg
 import numpy as np
+from jaxtyping import Array
 
-from jaxgear._system._body_modes import BodyBasis, wave_partners
+from jaxgear._compiled import compiled
+from jaxgear._system._body_modes import BodyBasis, BodyModes, wave_partners
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._residual_shapes import Residual
 
@@ -60,40 +62,54 @@ class Combinations(NamedTuple):
         modes = body.modes
         assert modes is not None
         assert modes.residual is None
-        seats, into = modes.seat_dofs, jnp.asarray(self.into)
-        closed = seats + self.square.size
-        none = Residual(np.zeros((into.shape[0], 0)), np.zeros(0))
+        none = Residual(np.zeros((len(self.into), 0)), np.zeros(0))
         residual = none if self.residual is None else self.residual
-        own, count = jnp.asarray(residual.into), residual.square.size
-        # All that moves: the coordinates, and what residual shapes become as the body turns.
-        moving = jnp.concatenate([into, own, modes.turning[seats:, seats:] @ own], axis=1)
-        moving = jax.scipy.linalg.block_diag(jnp.eye(seats), moving)
-        size = closed + count
-        shapes = moving[seats:, seats:size]
-        onto = lambda matrix: None if matrix is None else moving.T @ matrix @ moving
-        mass, softening = onto(modes.mass), onto(modes.softening)
-        assert mass is not None
-        turning = jnp.zeros((size + count, size)).at[size:, closed:].set(jnp.eye(count))
-        own_turning = moving[:, :closed].T @ modes.turning @ moving[:, :closed]
         partner, number = wave_partners(modes.waves)
+        given = (self.into, residual.into, self.square, residual.square)
+        combined = _combined(modes, *map(jnp.asarray, given))
+        kept = (
+            residual.rows(modes.rows, partner, np.asarray(number)) if residual.square.size else None
+        )
         return dataclasses.replace(
             body,
             modes=dataclasses.replace(
-                modes,
-                square=jnp.asarray(np.concatenate([self.square, residual.square])),
-                rows=modes.rows @ into,
-                load=shapes.T @ modes.load,
-                heat=None if modes.heat is None else shapes.T @ modes.heat,
-                # Of unit modal mass: what rounding leaves would tie pairs together.
-                mass=mass.at[seats:closed, seats:closed].set(jnp.eye(self.square.size)),
-                turning=turning.at[:closed, :closed].set(own_turning),
-                coriolis=onto(modes.coriolis),
-                softening=None if softening is None else softening[:size, :size],
+                combined,
                 waves=tuple(int(wave) for wave in self.waves),
                 diameters=tuple(int(number) for number in self.diameters),
-                residual=residual.rows(modes.rows, partner, np.asarray(number)) if count else None,
+                residual=kept,
             ),
         )
+
+
+@compiled
+def _combined(
+    modes: BodyModes, into: Array, own: Array, square: Array, residual_square: Array
+) -> BodyModes:
+    """Modes on combinations of theirs and on residual shapes, whose waves are not told."""
+    seats, count = modes.seat_dofs, residual_square.size
+    closed = seats + square.size
+    # All that moves: the coordinates, and what residual shapes become as the body turns.
+    moving = jnp.concatenate([into, own, modes.turning[seats:, seats:] @ own], axis=1)
+    moving = jax.scipy.linalg.block_diag(jnp.eye(seats), moving)
+    size = closed + count
+    shapes = moving[seats:, seats:size]
+    onto = lambda matrix: None if matrix is None else moving.T @ matrix @ moving
+    mass, softening = onto(modes.mass), onto(modes.softening)
+    assert mass is not None
+    turning = jnp.zeros((size + count, size)).at[size:, closed:].set(jnp.eye(count))
+    own_turning = moving[:, :closed].T @ modes.turning @ moving[:, :closed]
+    return dataclasses.replace(
+        modes,
+        square=jnp.concatenate([square, residual_square]),
+        rows=modes.rows @ into,
+        load=shapes.T @ modes.load,
+        heat=None if modes.heat is None else shapes.T @ modes.heat,
+        # Of unit modal mass: what rounding leaves would tie pairs together.
+        mass=mass.at[seats:closed, seats:closed].set(jnp.eye(square.size)),
+        turning=turning.at[:closed, :closed].set(own_turning),
+        coriolis=onto(modes.coriolis),
+        softening=None if softening is None else softening[:size, :size],
+    )
 
 
 def lowest_modes(basis: BodyBasis, count: int) -> Combinations | None:

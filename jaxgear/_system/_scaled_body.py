@@ -13,6 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxgear._checks import require
+from jaxgear._compiled import compiled
 from jaxgear._system._body_heat import BodyHeat
 from jaxgear._system._body_modes import BodyModes
 from jaxgear._system._flexible import FlexibleBody
@@ -52,7 +53,11 @@ def scaled_body(
             name=name,
             got=ratio,
         )
-    stiffer, denser = jnp.asarray(young, dtype=float), jnp.asarray(density, dtype=float)
+    return _scaled(body, jnp.asarray(young, dtype=float), jnp.asarray(density, dtype=float))
+
+
+@compiled
+def _scaled(body: FlexibleBody, stiffer: Scalar, denser: Scalar) -> FlexibleBody:
     return eqx.tree_at(
         lambda b: (b.flexibility, b.growth, b.seat_stiffness, b.seat_load, b.modes, b.heat),
         body,

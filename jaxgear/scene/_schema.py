@@ -5,6 +5,7 @@ numbers, from 0; in the paths of the schema `[]` stands for any.
 """
 
 import difflib
+import functools
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
@@ -219,11 +220,25 @@ def parents(path: str) -> list[str]:
 TABLES: frozenset[str] = frozenset(table for path in KEYS for table in parents(path))
 
 
+# Names less alike than this are not meant; paths, as a whole.
+_ALIKE, _ALIKE_AS_A_WHOLE = 0.6, 0.85
+
+
+def _ratio(first: str, second: str, least: float) -> float:
+    """Likeness of two texts, 0 to 1; 0 where bounds that are quick to find are below the least."""
+    if 2.0 * min(len(first), len(second)) < least * (len(first) + len(second)):
+        return 0.0
+    matched = difflib.SequenceMatcher(None, first, second)
+    return matched.ratio() if matched.quick_ratio() >= least else 0.0
+
+
+# Many tables have a key of the same name.
+@functools.lru_cache(maxsize=1024)
 def _likeness(tail: str, known: str) -> float:
     """Likeness of two names, 0 to 1; `tork` is compared with `torque` and `torque_pinion_Nm`."""
     words = known.split("_")
     heads = ["_".join(words[:end]) for end in range(1, len(words) + 1)]
-    return max(difflib.SequenceMatcher(None, tail, head).ratio() for head in heads)
+    return max(_ratio(tail, head, _ALIKE) for head in heads)
 
 
 def nearest(path: str, known: Iterable[str]) -> str | None:
@@ -236,14 +251,14 @@ def nearest(path: str, known: Iterable[str]) -> str | None:
     best: tuple[float, float, str] | None = None
     for candidate in known:
         home, _, name = candidate.rpartition(".")
-        whole = difflib.SequenceMatcher(None, path, candidate).ratio()
         alike = _likeness(tail, name)
-        if home == table and alike >= 0.6:
+        whole = _ratio(path, candidate, 0.0 if alike >= _ALIKE else _ALIKE_AS_A_WHOLE)
+        if home == table and alike >= _ALIKE:
             # Slips of the pen come after the first letter.
             score = 2.0 + alike + 0.1 * (tail[:1] == name[:1])
         elif alike >= 0.8:
             score = 1.0 + alike
-        elif whole >= 0.85:
+        elif whole >= _ALIKE_AS_A_WHOLE:
             score = whole
         else:
             continue
