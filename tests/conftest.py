@@ -70,7 +70,7 @@ _CHECKED = (
 # The hook rewrites modules as they are imported; one that is already in has escaped it.
 if escaped := [name for name in _CHECKED if name in sys.modules]:
     raise RuntimeError(f"Imported before the shape checks were installed: {escaped}.")
-install_import_hook(_CHECKED, "beartype.beartype")
+install_import_hook(_CHECKED, "late_checks.checked")
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_dtype_promotion", "strict")
