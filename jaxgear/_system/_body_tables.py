@@ -8,6 +8,7 @@ from typing import Literal
 import jax.numpy as jnp
 import numpy as np
 import scipy
+from jaxtyping import Array
 
 from jaxgear._checks import require
 from jaxgear._geometry._lines import MeshGrid, face_positions
@@ -170,14 +171,14 @@ def flexible_body(
 
     centres = found.centres.reshape(count, slices, 3)[lines].reshape(-1, cells, 3)
     return FlexibleBody(
-        flexibility=jnp.asarray(0.5 * (pairs + pairs.transpose(0, 2, 1, 4, 3))),
-        from_seats=jnp.asarray(on_cells(held.from_seats)),
-        growth=jnp.asarray(on_cells(held.growth)),
+        flexibility=_reals(0.5 * (pairs + pairs.transpose(0, 2, 1, 4, 3))),
+        from_seats=_reals(on_cells(held.from_seats)),
+        growth=_reals(on_cells(held.growth)),
         heat=None if heat is None else _heat_on(held, on_cells),
-        centres=jnp.asarray(centres),
-        seat_stiffness=jnp.asarray(held.seat_stiffness),
-        seat_load=jnp.asarray(held.seat_load),
-        seat_heights=jnp.asarray(body.seat_points[:, 2]),
+        centres=_reals(centres),
+        seat_stiffness=_reals(held.seat_stiffness),
+        seat_load=_reals(held.seat_load),
+        seat_heights=_reals(body.seat_points[:, 2]),
         seats=tuple(body.seats),
         gear_seat=_gear_seat(body, gear_seat),
         load_seats=tuple(_seat(body, name, "a load of the shaft") for name in load_seats),
@@ -246,8 +247,13 @@ class _HeldBody:
         return self.feet[rows] @ self.of_rim[:, rows]
 
 
+def _reals(values: np.ndarray) -> Array:
+    """Reals for JAX: without their type said it compiles a program for each shape of them."""
+    return jnp.asarray(values, dtype=float)
+
+
 def _heat_on(held: _HeldBody, on_cells: Callable) -> BodyHeat:
-    return BodyHeat(jnp.asarray(on_cells(held.warm)), jnp.asarray(held.seat_heat), no_strain())
+    return BodyHeat(_reals(on_cells(held.warm)), _reals(held.seat_heat), no_strain())
 
 
 def _modes_on(
@@ -260,10 +266,10 @@ def _modes_on(
     """The modes of a body, as the cells see them."""
     rows = held.feet @ basis.shapes[: held.feet.shape[1]]
     return BodyModes(
-        square=jnp.asarray(basis.square),
-        rows=jnp.asarray(on_cells(rows)),
-        load=jnp.asarray(basis.shapes.T @ body.centrifugal_load),
-        heat=None if heat is None else jnp.asarray(basis.shapes.T @ heat.T),
+        square=_reals(basis.square),
+        rows=_reals(on_cells(rows)),
+        load=_reals(basis.shapes.T @ body.centrifugal_load),
+        heat=None if heat is None else _reals(basis.shapes.T @ heat.T),
         **basis.matrices(body)._asdict(),
         waves=tuple(int(wave) for wave in basis.waves),
         diameters=tuple(int(number) for number in basis.diameters),

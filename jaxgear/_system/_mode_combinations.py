@@ -66,7 +66,7 @@ class Combinations(NamedTuple):
         residual = none if self.residual is None else self.residual
         partner, number = wave_partners(modes.waves)
         given = (self.into, residual.into, self.square, residual.square)
-        combined = _combined(modes, *map(jnp.asarray, given))
+        combined = _combined(modes, *(jnp.asarray(each, dtype=float) for each in given))
         kept = (
             residual.rows(modes.rows, partner, np.asarray(number)) if residual.square.size else None
         )

@@ -31,12 +31,14 @@ def _places(edges: np.ndarray) -> np.ndarray:
 
 
 def _table(edges, stiffness, gap=None, arms=None, kinds=None) -> MeshTable:
+    # With its type said an array needs no program of its own.
+    reals = lambda values: jnp.asarray(values, dtype=float)
     steps, cells = np.shape(stiffness)
     return MeshTable(
-        edges=jnp.asarray(edges),
-        stiffness=jnp.asarray(stiffness),
-        gap=jnp.zeros((3, steps, cells)) if gap is None else jnp.asarray(gap),
-        arms=jnp.ones((3, steps, cells, 1)) if arms is None else jnp.asarray(arms),
+        edges=reals(edges),
+        stiffness=reals(stiffness),
+        gap=reals(np.zeros((3, steps, cells))) if gap is None else reals(gap),
+        arms=reals(np.ones((3, steps, cells, 1))) if arms is None else reals(arms),
         coupling=None,
         periods=1,
         kinds=(0,) * steps if kinds is None else kinds,
