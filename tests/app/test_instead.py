@@ -144,7 +144,7 @@ def test_models_follow_what_is_drawn(write, drawn):
         return shifts[0], shifts[1], pair.tip_radius[0], pair.root_radius[1], model.torque
 
     at = np.asarray([scene.value(key) for key in keys])
-    slopes = np.asarray(jax.jacfwd(facts)(at))
+    slopes = np.asarray(jax.jit(jax.jacfwd(facts))(at))
     assert slopes[0, 0] == pytest.approx(1.0 / (6.0 * math.sin(math.radians(20.0))), rel=1e-12)
     step = np.asarray([0.0, 1e-3, 0.0, 0.0, 0.0, 0.0])
     central = (facts(at + step)[1] - facts(at - step)[1]) / 2e-3
