@@ -90,6 +90,18 @@ def _least(function: Callable[[np.ndarray], np.ndarray]) -> tuple[float, float]:
     return float(found.fun), float(found.x)
 
 
+@eqx.filter_jit
+def _fillet(section: jg.ToothSection, angle: jax.Array):
+    """A point of the fillet, and how it moves with the angle."""
+    return jax.jvp(section.fillet, (angle,), (jnp.ones_like(angle),))
+
+
+@eqx.filter_jit
+def _flank(section: jg.ToothSection, roll: jax.Array):
+    """A point of the flank, and how it moves with the roll angle."""
+    return jax.jvp(section.flank, (roll,), (jnp.ones_like(roll),))
+
+
 def _point(found: tuple[jax.Array, jax.Array]) -> complex:
     return complex(float(found[0]), float(found[1]))
 
@@ -103,7 +115,7 @@ def test_fillet_is_what_the_rounded_corner_leaves(make):
     for section in _sections(make()):
         rack = _Rack(section)
         for angle in np.linspace(float(section.pressure_angle), 0.5 * math.pi, 6):
-            point = _point(section.fillet(jnp.asarray(angle)))
+            point = _point(_fillet(section, jnp.asarray(angle))[0])
             gap, turn = rack.gap_to_corner(point)
             assert abs(gap) < 1e-9 * float(section.module)
             # In the rack's own frame the touching point lies to the left and below.
@@ -119,7 +131,7 @@ def test_flank_is_what_the_straight_side_leaves(make):
     for section, tip in zip(_sections(pair), tips, strict=True):
         rack = _Rack(section)
         for roll in np.linspace(float(section.form_roll_angle), float(tip), 6):
-            gap, _ = rack.gap_to_flank(_point(section.flank(jnp.asarray(roll))))
+            gap, _ = rack.gap_to_flank(_point(_flank(section, jnp.asarray(roll))[0]))
             assert abs(gap) < 1e-9 * float(section.module)
 
 
@@ -127,10 +139,10 @@ def test_flank_is_what_the_straight_side_leaves(make):
 def test_fillet_meets_the_involute(make):
     """In place and in direction."""
     for section in _sections(make()):
-        start, start_slope = jax.jvp(section.flank, (section.form_roll_angle,), (jnp.ones(()),))
-        end, end_slope = jax.jvp(section.fillet, (section.pressure_angle,), (jnp.ones(()),))
-        assert_close(jnp.stack(end), jnp.stack(start), rtol=1e-11, atol=1e-15)
-        along = [slope / jnp.hypot(*slope) for slope in map(jnp.stack, (start_slope, end_slope))]
+        start, start_slope = _flank(section, section.form_roll_angle)
+        end, end_slope = _fillet(section, section.pressure_angle)
+        assert_close(np.stack(end), np.stack(start), rtol=1e-11, atol=1e-15)
+        along = [slope / np.hypot(*slope) for slope in map(np.stack, (start_slope, end_slope))]
         # The fillet runs down as the rack's angle grows.
         assert_close(along[1], -along[0], rtol=1e-9, atol=1e-12)
 
@@ -147,7 +159,7 @@ def test_allowed_undercut_leaves_the_active_flank(lacking):
     rack = _Rack(section)
     start = float(pair.path_start / pair.base_radius[0])
     gaps = [
-        rack.gap_to_corner(_point(section.flank(jnp.asarray(roll))))[0]
+        rack.gap_to_corner(_point(_flank(section, jnp.asarray(roll))[0]))[0]
         for roll in np.linspace(start, 2.0 * start, 20)
     ]
     assert min(gaps) > -1e-6 * float(section.module)
@@ -159,13 +171,13 @@ def test_allowed_undercut_leaves_the_active_flank(lacking):
 @every_pair
 def test_root_circle(make):
     for section in _sections(make()):
-        x, y = section.fillet(_ROOT)
+        x, y = _fillet(section, _ROOT)[0]
         depth = section.module * (section.dedendum - section.profile_shift)
         radius = 0.5 * section.module * section.teeth - depth
         assert_close(section.root_radius, radius, rtol=1e-14, atol=0.0)
         assert_close(jnp.hypot(x, y), radius, rtol=1e-13, atol=0.0)
         # The fillet leaves it tangentially.
-        slope = jax.jvp(section.fillet, (_ROOT,), (jnp.ones(()),))[1]
+        slope = _fillet(section, _ROOT)[1]
         assert abs(float(x * slope[0] + y * slope[1])) < 1e-12 * float(radius) ** 2
 
 
@@ -219,7 +231,7 @@ def test_thickness_by_iso_21771(make):
             angle = math.acos(reference * math.cos(alpha) / radius)
             inv = math.tan(alpha) - alpha - math.tan(angle) + angle
             half = arc / (2.0 * reference) + inv
-            x, y = section.flank(jnp.asarray(math.tan(angle)))
+            x, y = _flank(section, jnp.asarray(math.tan(angle)))[0]
             assert_close(jnp.hypot(x, y), radius, rtol=1e-13, atol=0.0)
             assert_close(jnp.arctan2(x, y), half, rtol=1e-12, atol=0.0)
 
@@ -240,12 +252,12 @@ def test_root_chord_of_iso_6336_3(make):
         chord += math.sqrt(3.0) * (G / math.cos(theta) - tip)
 
         def off(angle: float, section: jg.ToothSection = section) -> float:
-            slope = jax.jvp(section.fillet, (jnp.asarray(angle),), (jnp.ones(()),))[1]
+            slope = _fillet(section, jnp.asarray(angle))[1]
             return math.atan2(abs(float(slope[0])), abs(float(slope[1]))) - 30.0 * deg
 
         found = brentq(off, alpha + 1e-6, 0.5 * math.pi - 1e-6, xtol=1e-13)
         assert isinstance(found, float)
-        half = section.fillet(jnp.asarray(found))[0]
+        half = _fillet(section, jnp.asarray(found))[0][0]
         assert_close(2.0 * half / section.module, chord, rtol=1e-9, atol=0.0)
 
 
