@@ -47,9 +47,15 @@ def _statics(model: jg.PairModel, grid: jg.MeshGrid) -> float:
     return float(jg.cycle_variance(cycle, te))
 
 
+@pytest.fixture
+def _nothing_compiled():
+    """What other tests have compiled is forgotten: that takes seconds, which are none of a test's."""
+    jax.clear_caches()
+
+
+@pytest.mark.usefixtures("_nothing_compiled")
 def test_a_mesh_cycle_from_gears_to_a_number_is_a_handful_of_programs():
     law = jg.WeberBanaschek()
-    jax.clear_caches()
     with made_programs() as whole:
         first = _statics(_model(compliance=law), _grid())
     assert 3 <= len(whole) <= 20, whole
@@ -75,6 +81,7 @@ def test_a_pair_of_other_teeth_is_built_without_a_program():
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("_nothing_compiled")
 def test_verbs_of_dynamics_are_compiled_as_a_whole():
     """A pair in motion, its modes, a march and a sweep; other speeds and loads compile nothing."""
     grid = _grid(phases=32)
@@ -85,7 +92,6 @@ def test_verbs_of_dynamics_are_compiled_as_a_whole():
         orbit = jg.steady_state(dynamics.system, jnp.asarray(speed), method)
         return float(jg.dynamic_ratio(dynamics.system, orbit))
 
-    jax.clear_caches()
     with made_programs() as whole:
         dynamics = jg.pair_dynamics(_model(80.0), grid)
         first = ratio(dynamics, 800.0)

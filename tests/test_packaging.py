@@ -16,8 +16,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGES = {"jaxgear", "fem_prep", "optimise"}
 
-# Used without being imported: xarray writes netCDF files, and JAX lowered programs, with them.
-_UNSEEN = {"netcdf4", "flatbuffers"}
+# Used without being imported: JAX writes lowered programs with it.
+_UNSEEN = {"flatbuffers"}
 
 
 @pytest.fixture(scope="module")

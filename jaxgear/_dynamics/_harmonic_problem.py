@@ -222,8 +222,8 @@ def _slope(
 # in a third of the time of a matrix, of 400 in the same.
 MOST_DIRECT = 300
 
-# Of more, a matrix takes half a second and, as the cube of their number, soon a minute.
-MOST_AT_ONCE = 2000
+# Of more, a matrix takes a second and, as the cube of their number, soon a minute.
+MOST_AT_ONCE = 1600
 
 
 def is_long(unknowns: int) -> bool:
