@@ -49,7 +49,7 @@ def _statics(model: jg.PairModel, grid: jg.MeshGrid) -> float:
 
 @pytest.fixture
 def _nothing_compiled():
-    """What other tests have compiled is forgotten: that takes seconds, which are none of a test's."""
+    """Forget what other tests have compiled: that takes seconds, which are no test's."""
     jax.clear_caches()
 
 
