@@ -114,7 +114,8 @@ def as_scalar(value: object) -> Array:
 
 def as_reals(value: object) -> Array:
     """Real numbers of any shape as a differentiable leaf; as `as_scalar`."""
-    # Single numbers would be converted by a compiled program, arrays of NumPy are only copied.
+    # Single numbers, and arrays whose type is not said, would be converted by a compiled program;
+    # arrays of NumPy are only copied.
     plain = isinstance(value, float | int | np.number)
     return jnp.asarray(np.asarray(value, dtype=float) if plain else value, dtype=float)
 

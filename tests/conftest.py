@@ -76,7 +76,7 @@ jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
 
-# As commands do: each look for garbage walks through all that JAX has traced.
+# As commands, but sooner: each look for garbage walks through all that JAX has traced.
 gc.set_threshold(200_000, 50, 100)
 
 # Of compiled programs on the disk, of all versions of the code [B]; of one process in memory, as a

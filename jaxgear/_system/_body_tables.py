@@ -5,10 +5,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-import jax.numpy as jnp
 import numpy as np
 import scipy
-from jaxtyping import Array
 
 from jaxgear._checks import require
 from jaxgear._geometry._lines import MeshGrid, face_positions
@@ -28,6 +26,7 @@ from jaxgear._system._condensed import Condensed
 from jaxgear._system._even_seats import along_axis, same_all_round
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._rim_checks import check_elements, check_rim
+from jaxgear._types import as_reals
 
 RootMotion = Literal["rigid", "screw"]
 
@@ -171,14 +170,14 @@ def flexible_body(
 
     centres = found.centres.reshape(count, slices, 3)[lines].reshape(-1, cells, 3)
     return FlexibleBody(
-        flexibility=_reals(0.5 * (pairs + pairs.transpose(0, 2, 1, 4, 3))),
-        from_seats=_reals(on_cells(held.from_seats)),
-        growth=_reals(on_cells(held.growth)),
+        flexibility=as_reals(0.5 * (pairs + pairs.transpose(0, 2, 1, 4, 3))),
+        from_seats=as_reals(on_cells(held.from_seats)),
+        growth=as_reals(on_cells(held.growth)),
         heat=None if heat is None else _heat_on(held, on_cells),
-        centres=_reals(centres),
-        seat_stiffness=_reals(held.seat_stiffness),
-        seat_load=_reals(held.seat_load),
-        seat_heights=_reals(body.seat_points[:, 2]),
+        centres=as_reals(centres),
+        seat_stiffness=as_reals(held.seat_stiffness),
+        seat_load=as_reals(held.seat_load),
+        seat_heights=as_reals(body.seat_points[:, 2]),
         seats=tuple(body.seats),
         gear_seat=_gear_seat(body, gear_seat),
         load_seats=tuple(_seat(body, name, "a load of the shaft") for name in load_seats),
@@ -247,13 +246,8 @@ class _HeldBody:
         return self.feet[rows] @ self.of_rim[:, rows]
 
 
-def _reals(values: np.ndarray) -> Array:
-    """Reals for JAX: without their type said it compiles a program for each shape of them."""
-    return jnp.asarray(values, dtype=float)
-
-
 def _heat_on(held: _HeldBody, on_cells: Callable) -> BodyHeat:
-    return BodyHeat(_reals(on_cells(held.warm)), _reals(held.seat_heat), no_strain())
+    return BodyHeat(as_reals(on_cells(held.warm)), as_reals(held.seat_heat), no_strain())
 
 
 def _modes_on(
@@ -266,10 +260,10 @@ def _modes_on(
     """The modes of a body, as the cells see them."""
     rows = held.feet @ basis.shapes[: held.feet.shape[1]]
     return BodyModes(
-        square=_reals(basis.square),
-        rows=_reals(on_cells(rows)),
-        load=_reals(basis.shapes.T @ body.centrifugal_load),
-        heat=None if heat is None else _reals(basis.shapes.T @ heat.T),
+        square=as_reals(basis.square),
+        rows=as_reals(on_cells(rows)),
+        load=as_reals(basis.shapes.T @ body.centrifugal_load),
+        heat=None if heat is None else as_reals(basis.shapes.T @ heat.T),
         **basis.matrices(body)._asdict(),
         waves=tuple(int(wave) for wave in basis.waves),
         diameters=tuple(int(number) for number in basis.diameters),

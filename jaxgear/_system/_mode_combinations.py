@@ -12,6 +12,7 @@ from jaxgear._compiled import compiled
 from jaxgear._system._body_modes import BodyBasis, BodyModes, wave_partners
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._residual_shapes import Residual
+from jaxgear._types import as_reals
 
 
 class Combinations(NamedTuple):
@@ -66,7 +67,7 @@ class Combinations(NamedTuple):
         residual = none if self.residual is None else self.residual
         partner, number = wave_partners(modes.waves)
         given = (self.into, residual.into, self.square, residual.square)
-        combined = _combined(modes, *(jnp.asarray(each, dtype=float) for each in given))
+        combined = _combined(modes, *map(as_reals, given))
         kept = (
             residual.rows(modes.rows, partner, np.asarray(number)) if residual.square.size else None
         )
