@@ -67,6 +67,7 @@ def test_flanks_carry_as_those_of_the_mirrored_pair(helical, mirrored):
     assert float(helical.datasets["pair"]["helix_angle_deg"]) == pytest.approx(12.0, rel=1e-14)
 
 
+@pytest.mark.slow
 def test_what_points_along_t_and_turns_about_s_and_z_is_the_other_way_round(helical, mirrored):
     for name, signs in {
         "bearing_load_N": (1.0, -1.0, 1.0),

@@ -25,6 +25,7 @@ def mapped():
     return scene, mesh_map(scene)
 
 
+@pytest.mark.slow
 def test_map_gives_the_cycle_back(mapped):
     """At a load between those that were solved, at the approach of its cycle, its force."""
     scene, found = mapped

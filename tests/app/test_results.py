@@ -129,6 +129,7 @@ def test_points_of_the_path_are_in_order(case):
     np.testing.assert_allclose([rolls[3] - rolls[0], rolls[4] - rolls[1]], pitch, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_path_without_single_contact_has_no_inner_points():
     pinion, wheel = (
         jg.Gear(teeth, 20 * jg.mm, addendum=1.35, dedendum=1.6, fillet_radius=0.2)

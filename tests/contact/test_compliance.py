@@ -376,6 +376,7 @@ def test_largest_single_pair_stiffness():
 # --- gradients
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("make", "places"),
     [

@@ -70,6 +70,7 @@ def test_mean_over_the_face_is_that_of_plane_strain_and_faces_carry_less(made):
     assert highest[0] < 0.92 * highest[4]
 
 
+@pytest.mark.slow
 def test_neighbours_feel_it_from_both_sides(made):
     """A tooth ahead of the load, by elements, and one behind it, by plane strain."""
     plane, elements = _on_one_line(made, 1)

@@ -213,6 +213,7 @@ def _modes(gear: int) -> tuple[np.ndarray, np.ndarray]:
     return own * 1e12, cross[:, None] * body * 1e12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gear", quick(1, [0, 1]))
 def test_modes_along_the_face_against_finite_elements(gear):
     name = ("pinion", "wheel")[gear]

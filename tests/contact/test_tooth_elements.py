@@ -162,6 +162,7 @@ def test_coupling_is_symmetric_and_positive(helix, spur):
             assert abs(float(even / alone[2]) - 1.0) < 1e-6
 
 
+@pytest.mark.slow
 def test_derivative_by_the_place_on_the_path_is_right(spur):
     pair, teeth = spur
     middle, step = 0.5 * (pair.path_start + pair.path_end), 1e-7

@@ -256,6 +256,7 @@ def test_designs_are_what_a_study_of_each_finds(solved):
     assert_close(error["phase"].values, own.dataset["phase"].values, rtol=1e-12, atol=0.0)
 
 
+@pytest.mark.slow
 def test_gradients_are_slopes_between_designs(solved):
     table = solved[1].table
     slope = table[f"d static.te_rms_um / d {_DEPTH}"][[1, 3]].mean()

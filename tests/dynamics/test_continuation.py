@@ -133,6 +133,7 @@ def _marched(system, speed, start):
     return time_history(system, speed, start, cycles=300, keep=3, stepper=Exponential())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("fold", "way"), quick(1, [(0, 1.0), (1, -1.0)]), ids=["up", "down"])
 def test_a_march_jumps_past_a_fold_and_not_before_it(fold, way):
     curve = _once()
@@ -201,6 +202,7 @@ def test_periods_double_where_hills_determinant_vanishes():
         assert abs(joint / low - 1.0) < 1e-4
 
 
+@pytest.mark.slow
 def test_sub_harmonic_branch_joins_the_main_one_at_both_doublings():
     curve = _twice()
     assert curve.ends == ("joined", "joined")

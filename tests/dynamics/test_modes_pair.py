@@ -96,6 +96,7 @@ def _modes_on_shafts(structure, parts, mesh, turn):
     return found, structure.mass @ free, damping @ free
 
 
+@pytest.mark.slow
 def test_equal_gears_on_round_shafts():
     """Shares sum to one, ratios are composite, what the mesh leaves alone comes in equal pairs."""
     structure, parts, mesh, turn = _equal_gears()

@@ -178,6 +178,7 @@ def test_harmonic_balance_from_the_quasi_static_state_finds_one_of_the_orbits():
         assert min(np.max(_differences(place[:, 0], row)) for row in rows) < 1e-3, speed
 
 
+@pytest.mark.slow
 def test_harmonic_balance_of_one_period_returns_the_unstable_orbit_where_period_doubles():
     (known,) = reference.catalogue(
         reference.parametric(), 2.0, multiples=(1,), across=5, settling=10, steps=STEPS
@@ -378,6 +379,7 @@ def test_shooting_holds_the_table_of_b5(multiple, name):
         assert np.max(_differences(orbit[:, 0], row)) < 1e-3, row
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("speed", "multiple"), quick(1, [(2.0, 1), (0.75, 1), (1.5, 2)]))
 def test_shooting_finds_unstable_orbits_and_their_multipliers(speed, multiple):
     oscillator = reference.parametric()

@@ -373,6 +373,7 @@ def test_batches_agree_with_single_runs():
         assert_close(found, jnp.sum(alone.place[::1000, 0] ** 2), rtol=1e-8, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("end", "most_steps"), [(2.0, 64), pytest.param(16.0, 4096, marks=pytest.mark.slow)]
 )

@@ -3,6 +3,7 @@
 import functools
 
 import numpy as np
+import pytest
 from fem_cases import STEEL, ring
 
 import jaxgear as jg
@@ -97,6 +98,7 @@ def _near(found, wanted, tolerance):
             np.testing.assert_allclose(found[block], wanted[block], atol=tolerance * scale)
 
 
+@pytest.mark.slow
 def test_all_teeth_need_two_factors_on_a_rim_whose_elements_are_equal():
     """About the middle and about an edge of an element; as exact as each tooth's own factor."""
     correction, found = _of_all_teeth()
@@ -114,6 +116,7 @@ def test_a_shared_piece_is_as_good_as_one_about_the_tooth():
         _near(found[tooth], _by_itself(tooth, 1.6), 1e-3)
 
 
+@pytest.mark.slow
 def test_pieces_above_holes_are_told_from_those_beside():
     correction, teeth = _correction(_TEETH, holes=3), np.array([0, 1, 2, 14, 9, 10])
     found = correction(teeth)

@@ -494,6 +494,7 @@ def test_soft_supports_converge(k):
 # --- gradients
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "compliance",
     [

@@ -162,6 +162,7 @@ def test_one_slice_without_relief():
 # --- Balance
 
 
+@pytest.mark.slow
 def test_cell_forces_balance_the_torque():
     for cycle, torque in ((_h1_cycle(), 20.0), (_h2_cycle(), 150.0)):
         pair = cycle.system.pair
@@ -300,6 +301,7 @@ def test_torques_at_once_are_torques_in_turn():
         assert values[i] == pytest.approx(float(one), rel=1e-10)
 
 
+@pytest.mark.slow
 def test_smooth_contact_tends_to_exact():
     approach = _variants()[2][-2:]
     off = np.abs(approach - np.asarray(_h1_cycle().approach)).max(axis=1)

@@ -100,6 +100,7 @@ def test_two_gears_that_are_as_warm_run_as_cold_ones(kind):
     np.testing.assert_allclose(moved, nearer, rtol=1e-6)
 
 
+@pytest.mark.slow
 @every_kind
 def test_a_heated_wheel_rests_as_all_of_its_coordinates_say(kind):
     pair, grid, torque = PAIRS[kind](), _grid(kind), 100.0
@@ -197,6 +198,7 @@ def test_a_heated_wheel_has_derivatives_by_its_temperatures():
     assert_gradient(eqx.filter_jit(fluctuation), jnp.asarray(_STRAIN), rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_a_stiffer_body_grows_as_much_by_heat_and_loads_its_seats_more():
     body = _warm(_body("helical", 1, "shaft", 7), _STRAIN)
     found = scaled_body(body, young=2.0, density=1.5)

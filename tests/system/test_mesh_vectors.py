@@ -300,6 +300,7 @@ def test_lever_rule():
 # --- supports and shafts as limits of each other
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [pytest.param("spur", marks=pytest.mark.slow), "helical"])
 def test_a_bearing_under_the_gear_is_a_support_at_its_centre(kind):
     more = {"misalignment": jg.Misalignment(8 * um, -15 * um)}
@@ -326,6 +327,7 @@ def test_very_stiff_shafts_are_no_shafts():
     assert off[-1] < 1e-3
 
 
+@pytest.mark.slow
 def test_a_housing_is_in_series():
     """Bearings k on a housing of h: as bearings of k h/(k + h)."""
     soft = 4e8
@@ -385,6 +387,7 @@ def test_tilting_moments_undo_a_misalignment_in_both_planes():
     assert load.max() > 1.02 * load.mean()
 
 
+@pytest.mark.slow
 def test_a_gear_in_the_middle_is_loaded_evenly():
     """Spur on equal bearings at equal distances: symmetric, and even, whatever bends."""
     equal = (jg.Bearing(0.0, 3e8, 5e8, 1e8), jg.Bearing(0.0, 3e8, 5e8))

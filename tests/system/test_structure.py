@@ -410,6 +410,7 @@ def _everything():
     return pinion, wheel, BeamBody(0.02, 0.07), DISC, torque, ratio, housing
 
 
+@pytest.mark.slow
 def test_every_number_has_a_derivative():
     given = _everything()
     # Pinion: 2 x 3 of segments, 2 x 6 of bearings, 2 places, 3 of the load, shear, 3 of steel.

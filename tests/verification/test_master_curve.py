@@ -129,6 +129,7 @@ HELICAL = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", quick(1, HELICAL))
 def test_helical_pair_is_still_on_the_curve(name):
     """The same curve for any overlap: every slice alone carries a constant load.
@@ -242,6 +243,7 @@ def test_accessory_pair_plain(accessory):
     assert_close(mean, 9.87, rtol=2e-2, atol=0.0)
 
 
+@pytest.mark.slow
 def test_accessory_pair_best_depth(accessory):
     """A third less stiff at its ends than in its middle: 0.80 to 0.90 of the closed form."""
     load = 80.0 / ACCESSORY.base_radius[0] / ACCESSORY.common_width

@@ -97,6 +97,7 @@ def _ratio(gear: str) -> float:
     return given.PINION.teeth / given.ROTORS[gear].teeth
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gear", GEARS)
 def test_another_program_finds_the_same_motion(gear):
     """Amplitudes and phases of both shafts, to 1e-6 of the largest along or about an axis."""
