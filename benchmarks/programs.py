@@ -18,7 +18,7 @@ import sys
 import tempfile
 import time
 import traceback
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -114,7 +114,7 @@ def equations_of(jaxpr) -> int:
 
 
 @contextmanager
-def recorded() -> Iterator[Recorder]:
+def recorded() -> Generator[Recorder]:
     """Record the programs of all that runs within."""
     import jax
     from jax._src import dispatch

@@ -18,7 +18,7 @@ import importlib.util
 import io
 import os
 import pickle
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextvars import ContextVar
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -99,7 +99,7 @@ _KEEPS: ContextVar[bool] = ContextVar("_KEEPS", default=False)
 
 
 @contextlib.contextmanager
-def keeping_verbs() -> Iterator[None]:
+def keeping_verbs() -> Generator[None]:
     """Programs of verbs that take long to trace are kept too, for all that runs inside."""
     token = _KEEPS.set(True)
     try:

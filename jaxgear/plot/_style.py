@@ -5,7 +5,7 @@ Figures are made without pyplot, so nothing is kept, shown or configured behind 
 
 import contextlib
 import gc
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from pathlib import Path
 from typing import Any
 
@@ -52,14 +52,14 @@ _LOOK: dict[Any, Any] = {
 
 
 @contextlib.contextmanager
-def house_look() -> Iterator[None]:
+def house_look() -> Generator[None]:
     """Sizes, grid and spines of every picture, for as long as it is drawn."""
     with matplotlib.rc_context(_LOOK):
         yield
 
 
 @contextlib.contextmanager
-def _uncollected() -> Iterator[None]:
+def _uncollected() -> Generator[None]:
     """Collect no garbage for a while: each collection walks through all that JAX has traced."""
     collecting = gc.isenabled()
     gc.disable()
