@@ -152,7 +152,7 @@ def condensing(
     if solver is not None:
         if solver not in _solvers.available_solvers():
             raise SystemExit(f"{solver} is not installed")
-        _solvers.available_solvers = lambda: [solver]
+        _solvers.available_solvers = lambda: [solver]  # ty: ignore[invalid-assignment]
     clock = Clock()
     with clock("all"):
         with clock("grid and assembly"):

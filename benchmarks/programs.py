@@ -141,7 +141,8 @@ def recorded() -> Generator[Recorder]:
             recorder.hit()
 
     jax.monitoring.register_event_listener(heard)
-    span.__enter__, span.__exit__, mlir.lower_jaxpr_to_module = begin, end, lowering
+    span.__enter__, span.__exit__ = begin, end
+    mlir.lower_jaxpr_to_module = lowering  # ty: ignore[invalid-assignment]
     try:
         yield recorder
     finally:

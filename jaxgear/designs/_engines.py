@@ -102,7 +102,7 @@ def _executor(study: Study, folder: str) -> contextlib.AbstractContextManager[An
 def _dask(work: WorkKeys, where: str) -> Generator[Executor]:
     """The workers of a Dask scheduler that somebody has started."""
     try:
-        from distributed import Client  # pyright: ignore[reportMissingImports]
+        from distributed import Client
     except ImportError:
         raise _not_installed("dask", "distributed") from None
     try:
@@ -120,7 +120,7 @@ def _dask(work: WorkKeys, where: str) -> Generator[Executor]:
 def _slurm(work: SlurmKeys, folder: str) -> Generator[Any]:
     """Jobs of a SLURM cluster, or processes of this machine that submitit starts alike."""
     try:
-        import submitit  # pyright: ignore[reportMissingImports]
+        import submitit
     except ImportError:
         raise _not_installed("slurm", "submitit") from None
     executor = submitit.AutoExecutor(folder=f"{folder}/jobs", cluster=work.cluster)
