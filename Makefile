@@ -38,7 +38,7 @@ install = ($(PIP) uv && $(BIN)/python -m uv pip install --quiet -c constraints.t
 help:
 	@echo 'make demo         a gear pair from scene to pictures, in $(DEMO)/'
 	@echo 'make test         format, lint, types, tests'
-	@echo 'make test-slow    the tests that take minutes, and the types of all tests'
+	@echo 'make test-slow    the tests that take minutes'
 	@echo 'make test-faults  plants faults in the sources, and sees whether the tests catch them'
 	@echo 'make golden-check compares what commands write with what was recorded (golden-record)'
 	@echo 'make bench        timings'
@@ -60,12 +60,12 @@ demo: $(VENV)/.installed
 test: $(VENV)/.installed-dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
-	$(MAKE) -j 2 types suite
+	$(MAKE) types suite
 
-# Types take one core: the tests begin beside them, and go on with what is left. Those of the tests,
-# half of the time, are looked at with the slow ones: the fast ones are run.
+# As the Python that is used: the types of libraries for a newer one are not those for an older.
 types: $(VENV)/.installed-dev
-	$(BIN)/pyright --pythonpath $(BIN)/python jaxgear fem_prep optimise examples benchmarks
+	$(BIN)/ty check --python $(VENV) --python-version \
+	  "$$($(BIN)/python -c 'import sys; print("{}.{}".format(*sys.version_info))')"
 
 # Tests of one file stay in one process: they share what JAX compiles. Whole commands come first,
 # as the files are named, so that no process is left alone with them at the end.
@@ -75,7 +75,6 @@ suite: $(VENV)/.installed-dev
 # As users compile: with the fast tests' older emitters some large programs find no contact.
 test-slow: $(VENV)/.installed-dev $(VENV)/.installed-docs
 	@$(call install,-e '.[browser]')
-	$(BIN)/pyright --pythonpath $(BIN)/python
 	XLA_FLAGS= $(BIN)/pytest -m slow
 
 # Slow: every fault is a run of its own. One by one: `python tests/planted_faults.py --help`.

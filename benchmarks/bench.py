@@ -146,7 +146,7 @@ def foundations(folder: Path) -> list[dict]:
 
     import jaxgear as jg
 
-    rows = []
+    rows: list[dict[str, Any]] = []
     for name in ("none", "weber", "sainsot", "ring", "ring, load update"):
         settings = [f"mesh.foundation={name.partition(',')[0]}"]
         # In a plane, as the elements are.

@@ -18,7 +18,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -70,7 +70,7 @@ class Clock:
         self.steps: dict[str, tuple[float, float]] = {}
 
     @contextlib.contextmanager
-    def __call__(self, step: str) -> Iterator[None]:
+    def __call__(self, step: str) -> Generator[None]:
         """Time a step."""
         start, own = time.perf_counter(), time.process_time()
         yield
@@ -152,7 +152,7 @@ def condensing(
     if solver is not None:
         if solver not in _solvers.available_solvers():
             raise SystemExit(f"{solver} is not installed")
-        _solvers.available_solvers = lambda: [solver]
+        _solvers.available_solvers = lambda: [solver]  # ty: ignore[invalid-assignment]
     clock = Clock()
     with clock("all"):
         with clock("grid and assembly"):

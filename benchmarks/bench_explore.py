@@ -83,7 +83,7 @@ def explored(name: str, moves: int) -> dict[str, Any]:
 
 def _chromium() -> Any:
     """Start a browser without a window."""
-    from selenium import webdriver  # pyright: ignore[reportMissingImports]
+    from selenium import webdriver
 
     options = webdriver.ChromeOptions()
     for each in ("--headless=new", "--no-sandbox", "--disable-gpu", "--window-size=1400,1200"):

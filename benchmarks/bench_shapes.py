@@ -81,7 +81,7 @@ def measured(model: str, options: argparse.Namespace):
     built = BuiltScene(scene)
     gauges = gauges_on(scene) if options.probes else {}
     grid = built.grid_in_motion
-    make = eqx.filter_jit(lambda model: dynamics_of(model, grid, scene))
+    make: Any = eqx.filter_jit(lambda model: dynamics_of(model, grid, scene))
     make = make.lower(built.model).compile()
     method = jg.HarmonicBalance(harmonics=scene.sweep.harmonics)
     for relief in options.relief:

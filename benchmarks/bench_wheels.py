@@ -46,7 +46,8 @@ def measured(function: Callable, *arguments, repeats: int = 3) -> tuple[Cost, An
     import jax
 
     start = time.perf_counter()
-    compiled = eqx.filter_jit(function).lower(*arguments).compile()
+    program: Any = eqx.filter_jit(function)
+    compiled = program.lower(*arguments).compile()
     compiling = time.perf_counter() - start
     runs, result = [], None
     for _ in range(repeats):
@@ -98,7 +99,8 @@ def maker_of(coordinates: int, steps: int, mesh: int, shapes: str):
         return with_relief(model, [depth * UM] * 2, [0.25] * 2, [0.0] * 2)
 
     start = time.perf_counter()
-    make = eqx.filter_jit(lambda m: dynamics_of(m, grid, scene)).lower(relieved(0.0)).compile()
+    make: Any = eqx.filter_jit(lambda m: dynamics_of(m, grid, scene))
+    make = make.lower(relieved(0.0)).compile()
     return lambda depth: make(relieved(depth)), time.perf_counter() - start
 
 

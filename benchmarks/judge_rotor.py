@@ -18,7 +18,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-import ross as rs  # pyright: ignore[reportMissingImports]
+import ross as rs
 from scipy.optimize import brentq
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))

@@ -18,7 +18,7 @@ import sys
 import tempfile
 import time
 import traceback
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -114,7 +114,7 @@ def equations_of(jaxpr) -> int:
 
 
 @contextmanager
-def recorded() -> Iterator[Recorder]:
+def recorded() -> Generator[Recorder]:
     """Record the programs of all that runs within."""
     import jax
     from jax._src import dispatch
@@ -141,7 +141,8 @@ def recorded() -> Iterator[Recorder]:
             recorder.hit()
 
     jax.monitoring.register_event_listener(heard)
-    span.__enter__, span.__exit__, mlir.lower_jaxpr_to_module = begin, end, lowering
+    span.__enter__, span.__exit__ = begin, end
+    mlir.lower_jaxpr_to_module = lowering  # ty: ignore[invalid-assignment]
     try:
         yield recorder
     finally:

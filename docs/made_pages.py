@@ -10,6 +10,7 @@ import inspect
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from jaxgear._cli._parser import parser
 
@@ -171,10 +172,10 @@ def _docstring(thing: object) -> str:
     return re.sub(r"\btheory (\d+\.\d+)", r"[theory \1](#theory-\1)", inspect.getdoc(thing) or "")
 
 
-def _signature(thing: object) -> str:
+def _signature(thing: Any) -> str:
     """Names and defaults of the arguments: shapes and units are in the text below."""
     try:
-        found = inspect.signature(thing)  # type: ignore[arg-type]
+        found = inspect.signature(thing)
     except (TypeError, ValueError):
         return "()"
     kept = [

@@ -11,7 +11,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import openmdao.api as om  # pyright: ignore[reportMissingImports]
+import openmdao.api as om
 
 import jaxgear as jg
 

@@ -299,7 +299,7 @@ def conditioning(reduced: ReducedBody) -> Report:
         1,
         which="LA",
         v0=start,
-        tol=1e-3,  # pyright: ignore[reportArgumentType]
+        tol=1e-3,
         return_eigenvectors=False,
     )
     return {

@@ -70,12 +70,13 @@ def write_archive(path: str | os.PathLike, arrays: Mapping[str, np.ndarray], tex
     - `OSError` if the file cannot be written.
     """
     digest = content_digest(arrays, text)
+    held: dict[str, Any] = {"about": _bytes(text), "hash": _bytes(digest), **arrays}
     target = Path(path)
     # In the same folder, as a file can only be renamed within one file system.
     draft = target.with_name(f".{target.name}.{secrets.token_hex(4)}.tmp")
     try:
         with open(draft, "xb") as file:
-            np.savez(file, about=_bytes(text), hash=_bytes(digest), **arrays)  # pyright: ignore[reportArgumentType]
+            np.savez(file, **held)
             file.flush()
             os.fsync(file.fileno())
         os.replace(draft, target)

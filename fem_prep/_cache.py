@@ -137,7 +137,7 @@ _BodyFile = (read_body, write_body)
 def cached(
     key: str,
     build: Callable[[], Kept],
-    file: tuple[Callable[[Path], Kept], Callable[[Path, Kept], object]] = _BodyFile,
+    file: tuple[Callable[[Path], Kept], Callable[[Path, Kept], object]] = _BodyFile,  # ty: ignore[invalid-parameter-default]
 ) -> tuple[Kept, bool]:
     """A body from the cache, or built and kept there.
 

@@ -11,7 +11,7 @@ import os
 import re
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Mapping
 from pathlib import Path
 
 import meshio
@@ -319,7 +319,7 @@ def _meshio(path: Path, reader: Callable[[str], meshio.Mesh]) -> meshio.Mesh:
 
 
 @contextlib.contextmanager
-def _silenced(said: io.StringIO | None = None) -> Iterator[None]:
+def _silenced(said: io.StringIO | None = None) -> Generator[None]:
     """Nothing on the terminal, which is for results, and no warnings; `said` takes them."""
     said = said or io.StringIO()
     with (

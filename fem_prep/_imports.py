@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array, diags_array
@@ -255,7 +256,7 @@ def _spread(
             seat_points.append(_middle(seat, points[nodes]))
             ties.append((nodes, next_start, seat_points[-1]))
         next_start += 6
-    entries = [
+    entries: list[tuple[Any, Any, Any]] = [
         (row, starts[at] + digit - 1, 1.0)
         for row, (at, digit) in enumerate(zip(place, component, strict=True))
         if at in starts

@@ -52,7 +52,7 @@ def operator_of(
 ) -> LinearOperator:
     """A function of a vector as a matrix, `[size, size]`."""
     # Without a type given, the library tries it on a vector of bytes, which solvers refuse.
-    return LinearOperator((size, size), matvec=product, dtype=kind)  # pyright: ignore[reportCallIssue]
+    return LinearOperator((size, size), matvec=product, dtype=kind)  # ty: ignore[missing-argument, unknown-argument, parameter-already-assigned]
 
 
 @dataclass(frozen=True)

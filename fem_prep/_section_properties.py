@@ -96,7 +96,7 @@ def _column(
     y = (centre[1] + np.outer(radius, np.sin(angle))).ravel()
     radius = np.hypot(x, y)
     bottom, top = (
-        height(radius) if callable(height) else np.full(radius.shape, height)
+        np.asarray(height(radius) if callable(height) else np.full(radius.shape, height))
         for height in (low, high)
     )
     powers = [area * (top**n - bottom**n) / n for n in (1, 2, 3)]

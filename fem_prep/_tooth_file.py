@@ -2,6 +2,7 @@
 
 import dataclasses
 import os
+from typing import Any
 
 import numpy as np
 
@@ -59,4 +60,5 @@ def read_teeth(path: str | os.PathLike) -> ToothElements:
         "The file {path} is not that of condensed teeth. " + AGAIN,
         path=path,
     )
-    return ToothElements(**arrays, **{name: about[name] for name in names & set(about)})
+    fields: dict[str, Any] = {**arrays, **{name: about[name] for name in names & set(about)}}
+    return ToothElements(**fields)

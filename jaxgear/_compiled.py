@@ -57,7 +57,7 @@ def lasting(verb: Callable[_Given, _Found]) -> Callable[_Given, _Found]:
 
 
 def _compiled(verb: Callable[_Given, _Found], *, lasting: bool) -> Callable[_Given, _Found]:
-    program = eqx.filter_jit(verb)
+    program: Callable[..., _Found] = eqx.filter_jit(verb)
     names = inspect.signature(verb).parameters
     settings = {name for name, each in names.items() if each.kind is each.KEYWORD_ONLY}
 
@@ -70,7 +70,7 @@ def _compiled(verb: Callable[_Given, _Found], *, lasting: bool) -> Callable[_Giv
         if lasting and keeps_verbs() and not any_traced(given, named):
             return verb_called(call, verb, given, named)
         started = time.monotonic()
-        found = program(*given, **named)  # type: ignore[call-arg]
+        found = program(*given, **named)
         if time.monotonic() - started > _COMPILING and not any_traced(found):
             make_room()
         return found

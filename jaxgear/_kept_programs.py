@@ -18,7 +18,7 @@ import importlib.util
 import io
 import os
 import pickle
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextvars import ContextVar
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -99,7 +99,7 @@ _KEEPS: ContextVar[bool] = ContextVar("_KEEPS", default=False)
 
 
 @contextlib.contextmanager
-def keeping_verbs() -> Iterator[None]:
+def keeping_verbs() -> Generator[None]:
     """Programs of verbs that take long to trace are kept too, for all that runs inside."""
     token = _KEEPS.set(True)
     try:
@@ -231,12 +231,12 @@ def _compiled(lowered: jax.stages.Lowered, options: Options) -> jax.stages.Compi
         return _compiled(lowered, known)
 
 
-def is_named(function: Callable[..., Any]) -> bool:
+def is_named(function: Any) -> bool:
     """Whether a function stands by a name in its module, and so closes over nothing."""
     return isinstance(function, _Verb) or "<" not in function.__qualname__
 
 
-def _name(function: Callable[..., Any]) -> str:
+def _name(function: Any) -> str:
     return (function.named if isinstance(function, _Verb) else function).__name__
 
 
@@ -337,9 +337,9 @@ def _path(function: Callable[..., Any], structure: Any, kinds: tuple[Kind, ...])
 
 def _folder() -> Path | None:
     """The folder of JAX's cache, if it is to be used."""
-    used = jax.config.jax_enable_compilation_cache  # pyright: ignore[reportAttributeAccessIssue]
-    folder = jax.config.jax_compilation_cache_dir  # pyright: ignore[reportAttributeAccessIssue]
-    return Path(folder) if used and folder else None
+    config: Any = jax.config
+    folder = config.jax_compilation_cache_dir
+    return Path(folder) if config.jax_enable_compilation_cache and folder else None
 
 
 @functools.cache
@@ -353,10 +353,10 @@ def _surroundings() -> str:
                 source.update(f"{name}/{file.relative_to(root)}\n".encode() + file.read_bytes())
     versions = [importlib.metadata.version(name) for name in _THEIRS]
     settings = [f"{key}={os.environ[key]}" for key in sorted(os.environ) if key[:4] == "JAX_"]
-    backend = jax.default_backend()
-    x64 = jax.config.jax_enable_x64  # pyright: ignore[reportAttributeAccessIssue]
+    config: Any = jax.config
+    backend, x64 = jax.default_backend(), str(config.jax_enable_x64)
     settings = [each for each in settings if "CACHE" not in each]
-    return "\n".join([source.hexdigest(), *versions, *settings, backend, str(x64)])
+    return "\n".join([source.hexdigest(), *versions, *settings, backend, x64])
 
 
 def _read(path: Path) -> tuple[jax.export.Exported, Any] | None:

@@ -23,6 +23,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import platformdirs
 
@@ -86,10 +87,11 @@ def cache_compilations(tell: Tell = _warned) -> None:
     """
     import jax
 
+    config: Any = jax.config
     base = programs_folder()
-    if not jax.config.jax_enable_compilation_cache or base is None:  # pyright: ignore[reportAttributeAccessIssue]
+    if not config.jax_enable_compilation_cache or base is None:
         return
-    given = jax.config.jax_compilation_cache_dir  # pyright: ignore[reportAttributeAccessIssue]
+    given = config.jax_compilation_cache_dir
     if not given:
         folder = base / _fingerprint()
         fault = _fault_of(base) or _fault_of(folder)
@@ -102,16 +104,16 @@ def cache_compilations(tell: Tell = _warned) -> None:
             return
         _prune(base)
         _note_use(folder)
-        jax.config.update("jax_compilation_cache_dir", str(folder))
+        config.update("jax_compilation_cache_dir", str(folder))
     else:
         folder = Path(given)
     # Programs of gear pairs are many and small, and each counts. Nobody's own choice is changed.
     for name, value in (("min_compile_time_secs", 0.0), ("min_entry_size_bytes", -1)):
         if f"JAX_PERSISTENT_CACHE_{name.upper()}" not in os.environ:
-            jax.config.update(f"jax_persistent_cache_{name}", value)
+            config.update(f"jax_persistent_cache_{name}", value)
     if not isinstance(warnings.showwarning, _Watch):
         warnings.filterwarnings("always", _TROUBLE.pattern, UserWarning)
-        warnings.showwarning = _Watch(warnings.showwarning, folder, tell)
+        warnings.showwarning = _Watch(warnings.showwarning, folder, tell)  # ty: ignore[invalid-assignment]
 
 
 def set_up(tell: Tell = _warned) -> None:
@@ -179,7 +181,7 @@ def _fingerprint() -> str:
 
     words = [
         f"jax-{jax.__version__}",
-        jax.lib.__version__,  # pyright: ignore[reportPrivateImportUsage]
+        jax.lib.__version__,
         sys.implementation.cache_tag or "",
     ]
     return "-".join([*words, hashlib.sha256(_processor().encode()).hexdigest()[:12]])

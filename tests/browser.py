@@ -1,14 +1,14 @@
 """A headless Chromium, for tests of pages; they are skipped where it or Selenium is missing."""
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Generator
 from typing import Any
 
 import pytest
 
 
 @contextlib.contextmanager
-def headless_chromium() -> Iterator[Any]:
+def headless_chromium() -> Generator[Any]:
     """Give a browser that keeps what its console and its network say."""
     webdriver = pytest.importorskip("selenium.webdriver")
     failed = pytest.importorskip("selenium.common").WebDriverException

@@ -5,6 +5,7 @@ A pair whose source is not named is ours. Pairs do not change, so each is built 
 
 import functools
 from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -133,9 +134,8 @@ MORE_HELICAL: _Makers = (fzg_h501, iso_tr_6336_30)
 
 def over(*makers: Callable[[], jg.GearPair], slow: _Makers = ()) -> pytest.MarkDecorator:
     """Run a test with each of these pairs as `make`; with some among the slow tests."""
-    cases = [pytest.param(make, id=make.__name__) for make in makers]
-    cases += [pytest.param(make, id=make.__name__, marks=pytest.mark.slow) for make in slow]
-    return pytest.mark.parametrize("make", cases)
+    late = (pytest.param(make, marks=pytest.mark.slow) for make in slow)
+    return pytest.mark.parametrize("make", [*makers, *late])
 
 
 every_pair = over(*SPUR, *HELICAL, slow=(*MORE_SPUR, *MORE_HELICAL))
@@ -143,9 +143,9 @@ every_spur_pair = over(*SPUR, slow=MORE_SPUR)
 every_helical_pair = over(*HELICAL, slow=MORE_HELICAL)
 
 
-def model(pair: jg.GearPair, torque: float, **parts: object) -> jg.PairModel:
+def model(pair: jg.GearPair, torque: float, **parts: Any) -> jg.PairModel:
     """A pair under a torque on its pinion [N m]; `parts` are the other fields of the model."""
-    return jg.PairModel(pair, torque, **parts)  # pyright: ignore[reportArgumentType]
+    return jg.PairModel(pair, torque, **parts)
 
 
 def torque_for(pair: jg.GearPair, line_load: float) -> float:

@@ -54,7 +54,7 @@ __all__ = [
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
-# Packages and files that speak of the shapes of arrays. All else has plain types, which pyright
+# Packages and files that speak of the shapes of arrays. All else has plain types, which ty
 # checks: to look at each cell of a table again as it is written takes longer than to write it.
 _PACKAGES = ("contact", "dynamics", "flank", "geometry", "interface", "response", "solve", "system")
 _OF_SCENE = ("body_heat", "build", "build_pair", "files", "teeth")

@@ -1,7 +1,7 @@
 """Which programs JAX makes, for tests that count them."""
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Generator
 
 import jax.monitoring
 
@@ -19,7 +19,7 @@ jax.monitoring.register_event_duration_secs_listener(_note)
 
 
 @contextlib.contextmanager
-def made_programs() -> Iterator[list[str]]:
+def made_programs() -> Generator[list[str]]:
     """Names of the programs that are made in the block, from the cache or anew."""
     before, found = len(_MADE), []
     yield found

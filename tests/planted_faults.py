@@ -23,7 +23,7 @@ import sys
 import tempfile
 import time
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -199,7 +199,7 @@ def heard_from(
 
 
 @contextlib.contextmanager
-def planted(fault: Fault, tree: Path) -> Iterator[None]:
+def planted(fault: Fault, tree: Path) -> Generator[None]:
     """Plant a fault in a tree, and take it out again."""
     path = tree / fault.file
     text = path.read_text(encoding="utf-8")

@@ -5,6 +5,7 @@ import re
 import shlex
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 import tomlkit
@@ -143,7 +144,7 @@ def test_the_page_of_studies_has_its_table(tmp_path, monkeypatch):
     )
     for line in more:
         assert main(shlex.split(line, comments=True)) == 0, line
-    names = {"jg": jaxgear}
+    names: dict[str, Any] = {"jg": jaxgear}
     exec(compile(code[1], "studies.md", "exec"), names)
     assert len(names["found"].table["static.te_rms_um"]) == 8
     assert Path("results/accessory-tolerances/report.html").exists()

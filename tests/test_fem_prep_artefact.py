@@ -9,6 +9,7 @@ import time
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import hybrid_cases
 import numpy as np
@@ -42,7 +43,7 @@ def _symmetric(seed: int, sign: int = 1) -> np.ndarray:
 def _body(**changes) -> ReducedBody:
     """Four rim nodes, one seat, two interior shapes and one probe, with everything there is."""
     random = np.random.default_rng(0)
-    parts = {
+    parts: dict[str, Any] = {
         "name": "wheel, 43 Zähne",
         "stiffness": _symmetric(1),
         "mass": _symmetric(2),
@@ -61,15 +62,16 @@ def _body(**changes) -> ReducedBody:
     return ReducedBody(**(parts | changes))
 
 
-def _stored(path: Path, *, about: dict | None = None, leave: str = "", **arrays) -> Path:
+def _stored(path: Path, *, about: dict | None = None, leave: str = "", **arrays: Any) -> Path:
     """A file with parts changed and a hash that fits them."""
     packed, text = _body_file._packed(_body())
     text = json.dumps(json.loads(text) | (about or {}), sort_keys=True)
-    packed = {name: each for name, each in (packed | arrays).items() if name != leave}
-    digest = _archive.content_digest(packed, text)
+    kept: dict[str, Any] = packed | arrays
+    kept.pop(leave, None)
+    digest = _archive.content_digest(kept, text)
     texts = {"about": _archive._bytes(text), "hash": _archive._bytes(digest)}
     with open(path, "wb") as file:
-        np.savez(file, **packed, **texts)  # pyright: ignore[reportArgumentType]
+        np.savez(file, **kept, **texts)
     return path
 
 

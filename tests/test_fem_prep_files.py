@@ -184,9 +184,9 @@ def cut_out(pattern, text):
     return found[0]
 
 
-def refused(path, *words, **options):
+def refused(path, *words, rim: str = "rim", **options):
     with pytest.raises(BodyError) as caught:
-        read_grid(path, **{"rim": "rim", **options})
+        read_grid(path, rim=rim, **options)
     for word in words:
         assert re.search(word, str(caught.value)), f"{word} is not in: {caught.value}"
 

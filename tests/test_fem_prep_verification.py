@@ -258,7 +258,7 @@ def test_a_rotating_ring():
     for n in (2, 3):
         still = ring_frequencies(height, n)[0]
         # Each alone, in the modes at rest, whose motion is all in the plane.
-        at = np.argmin(abs(np.sqrt(abs(square)) / still - 1) + (np.diag(soft) < 0.9))
+        at = np.argmin(np.abs(np.sqrt(np.abs(square)) / still - 1) + (np.diag(soft) < 0.9))
         assert soft[at, at] == pytest.approx(1, rel=1e-3)
         assert stiff[at, at] == pytest.approx((n**2 - 1) ** 2 / (n**2 + 1), rel=2e-3)
         assert abs(gyro[at]).max() == pytest.approx(4 * n / (n**2 + 1), rel=4e-3)

@@ -2,6 +2,7 @@
 
 import re
 from math import cos, pi, radians, tan
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,9 +29,10 @@ mm = 1e-3
 
 def wheel(web=None, **others):
     """The accessory wheel of Guilbert 2017, Tab. III-1, with a thin web."""
-    measures = {"hub_outer": 50 * mm, "thickness": 3 * mm, "rim_inner": 118 * mm}
-    body = {"rim_outer": 126.86 * mm, "rim_width": 9.5 * mm, "bore": 40 * mm}
-    return GearBody(**{**body, "web": Web(**{**measures, **(web or {})}), **others})
+    measures: dict[str, Any] = {"hub_outer": 50 * mm, "thickness": 3 * mm, "rim_inner": 118 * mm}
+    body: dict[str, Any] = {"rim_outer": 126.86 * mm, "rim_width": 9.5 * mm, "bore": 40 * mm}
+    body["web"] = Web(**(measures | (web or {})))
+    return GearBody(**(body | others))
 
 
 def leaning(**others):

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+from typing import Any
 
 import cases as pairs
 import equinox as eqx
@@ -39,7 +40,7 @@ def _pair():
     return jg.PairModel(pair, 80.0, compliance=jg.ConstantStiffness(14e9)), grid
 
 
-def _over(**settings):
+def _over(**settings: Any):
     settings = {"method": _method(), "speeds": jnp.asarray(_SPEEDS)} | settings
     return optimise.OverSpeeds(optimise.DynamicRatio(), grid=_pair()[1], **settings)
 

@@ -1,6 +1,7 @@
 """The accessory pair in motion, either damping: bodies rigidified, flexible, a webbed pinion."""
 
 import functools
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -84,7 +85,7 @@ def _stiff(name: str, damping: tuple[str, ...]) -> tuple[str, ...]:
     return f"{name}-h2", *(rigid_body(gear) for gear in GEARS), *quick, *damping
 
 
-def _rigidified(name: str, figure: str, dampings: dict[str, tuple[str, ...]]) -> Finding:
+def _rigidified(name: str, figure: str, dampings: Mapping[str, tuple[str, ...]]) -> Finding:
     found = Finding(
         f"Rigidified H2 beside the rigid pair, by damping ({figure})",
         "more and other damping lets the deviations between both fade",

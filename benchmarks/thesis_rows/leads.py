@@ -195,7 +195,7 @@ def optimum(label: str, aim: str, vary: tuple[str, ...]) -> Optimum:
     lean = -1.0 if label in LEFT_HANDED else 1.0
     if lean < 0.0:
         vary = tuple("left relief" if kind == "relief" else kind for kind in vary)
-    at = np.asarray([KINDS.index(kind) for kind in vary])
+    at = np.asarray([KINDS.index(kind) for kind in vary], dtype=int)
 
     def with_slope(width, depths):
         full = jnp.zeros(len(KINDS)).at[at].set(depths)

@@ -78,8 +78,8 @@ def write_results(found: Collected, folder: Folder) -> None:
 
 def _write_parquet(table: Table, about: dict[str, Any], path: Path) -> None:
     """Write a table as Parquet, with what it was made from in its metadata."""
-    import pyarrow as pa  # pyright: ignore[reportMissingImports]
-    import pyarrow.parquet as pq  # pyright: ignore[reportMissingImports]
+    import pyarrow as pa
+    import pyarrow.parquet as pq
 
     columns = pa.table({name: pa.array(values) for name, values in table.items()})
     words = {

@@ -12,7 +12,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Generator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -61,7 +61,7 @@ class Folder:
 
 
 @contextlib.contextmanager
-def begun(folder: Folder) -> Iterator[Folder]:
+def begun(folder: Folder) -> Generator[Folder]:
     """Make a folder, and give it with a draft in it that ends with the context.
 
     **Raises:**
@@ -131,7 +131,7 @@ def _remove(path: Path, name: str, digest: str) -> None:
 
 
 @contextlib.contextmanager
-def _locked(new: Path) -> Iterator[Path]:
+def _locked(new: Path) -> Generator[Path]:
     """Lock a draft while its command is at work, and name it so: the lock goes with the process."""
     if fcntl is None:
         yield new

@@ -171,11 +171,12 @@ def _target(args: argparse.Namespace, name: str) -> Path:
 def _completed(teeth: list[int] | None, given: dict[str, float | None]) -> Wanted:
     """A pair by checked options, asked for on a terminal where a pair or a module lacks."""
     ask = _ask if (teeth is None or given["module"] is None) and sys.stdin.isatty() else None
+    found: dict[str, Any]
     if teeth is None:
         if ask is None:
             raise InputError("--pair lacks: the numbers of teeth, such as --pair 23 64.")
         read_teeth = lambda text: _teeth([int(each) for each in text.split()])
-        found: dict[str, Any] = {"teeth": ask("teeth of pinion and wheel", read_teeth)}
+        found = {"teeth": ask("teeth of pinion and wheel", read_teeth)}
     else:
         found = {"teeth": _teeth(teeth)}
     for option, (_, question) in OWN_PAIR.items():
@@ -232,7 +233,7 @@ def _checked(option: str, value: float) -> float:
     """Check an option by the key that it is."""
     name, (key, _) = f"--{option.replace('_', '-')}", OWN_PAIR[option]
     try:
-        value = KEYS[key].read(value)  # pyright: ignore[reportAssignmentType]
+        value = KEYS[key].read(value)
     except ValueError as error:
         raise InputError(f"{name}: {error}.") from None
     least, most = _PRESSURE_ANGLES

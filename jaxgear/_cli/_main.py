@@ -12,7 +12,7 @@ import io
 import json
 import os
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import Any
@@ -93,7 +93,7 @@ def _discard_output() -> None:
 
 
 @contextmanager
-def _kept_interrupts() -> Iterator[None]:
+def _kept_interrupts() -> Generator[None]:
     """Interrupt again where a library's callback, such as JAX's, has swallowed it."""
     usual = sys.unraisablehook
 
@@ -179,7 +179,7 @@ def _refuse_unspeakable(args: argparse.Namespace) -> None:
 
 
 @contextmanager
-def _results(args: argparse.Namespace, name: str, scene: Path) -> Iterator[Folder]:
+def _results(args: argparse.Namespace, name: str, scene: Path) -> Generator[Folder]:
     """The folder of a command on a named scene; refused if it cannot be written to."""
     common = args.out or Path("results") / name
     path = common if args.command == "run" else common / args.command
@@ -199,7 +199,7 @@ def _results(args: argparse.Namespace, name: str, scene: Path) -> Iterator[Folde
 
 
 @contextmanager
-def _numerical(quiet: bool) -> Iterator[None]:
+def _numerical(quiet: bool) -> Generator[None]:
     """Compute with 64-bit numbers, one BLAS thread, and programs that are kept."""
     import threadpoolctl
 
@@ -213,7 +213,7 @@ def _numerical(quiet: bool) -> Iterator[None]:
 
 
 @contextmanager
-def _failures(scene: Path, results: Path) -> Iterator[None]:
+def _failures(scene: Path, results: Path) -> Generator[None]:
     """Say of what cannot be computed or written from which scene, or into which folder."""
     from jaxgear.study._statics import SolverFailure
 

@@ -1,7 +1,7 @@
 """What a command says on standard error while it works: bars, steps, warnings."""
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 
 import tqdm
@@ -13,7 +13,7 @@ class Terminal:
     @contextmanager
     def bar(
         self, total: int, what: str
-    ) -> Iterator[tuple[Callable[[int], None], Callable[[str], None]]]:
+    ) -> Generator[tuple[Callable[[int], None], Callable[[str], None]]]:
         """A bar, as `Listener` has it."""
         with tqdm.tqdm(total=total, desc=what, disable=None, file=sys.stderr, leave=False) as shown:
 
@@ -23,7 +23,7 @@ class Terminal:
             yield done, shown.set_postfix_str
 
     @contextmanager
-    def line(self, what: str) -> Iterator[Callable[[str], None]]:
+    def line(self, what: str) -> Generator[Callable[[str], None]]:
         """A line that also says since when, as `Listener` has it."""
         with tqdm.tqdm(
             disable=None, file=sys.stderr, leave=False, bar_format=what + ": {desc} [{elapsed}]"

@@ -275,7 +275,7 @@ class ConstantStiffness(AbstractCompliance):
     - `ValueError` unless it is positive.
     """
 
-    load_updates: ClassVar[int] = 0
+    load_updates: ClassVar[int] = 0  # ty: ignore[incompatible-attribute-override]
     stiffness: Scalar = eqx.field(converter=as_scalar)
 
     def __check_init__(self):
@@ -308,7 +308,7 @@ class Iso6336(AbstractCompliance):
     `iso_stiffness`.
     """
 
-    load_updates: ClassVar[int] = 0
+    load_updates: ClassVar[int] = 0  # ty: ignore[incompatible-attribute-override]
 
     def local(self, pair: GearPair, roll: Reals, line_load: Scalar) -> Reals:
         """Evaluate the secant compliance of one tooth pair; see the base class."""

@@ -109,8 +109,8 @@ class ElementTeeth(AbstractCompliance):
         of at the nominal one [-].
     """
 
-    pinion: ToothTables
-    wheel: ToothTables
+    pinion: ToothTables  # ty: ignore[invalid-dataclass-field-order]
+    wheel: ToothTables  # ty: ignore[invalid-dataclass-field-order]
     load_updates: int = eqx.field(static=True, default=0)
 
     # Slices across the face for what a pair gives that is loaded evenly and alone.

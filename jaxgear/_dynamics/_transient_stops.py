@@ -117,7 +117,7 @@ class StopAtJumps(diffrax.AbstractAdaptiveStepSizeController[Any, Any]):
             t0, t1, y0, y1_candidate, args, y_error, error_order, state.inner
         )
         # A step that a stop had cut short says little about how long the next may be.
-        cut = ~(end - start < 0.99 * self.controller.factormax * (t1 - t0))
+        cut = jnp.logical_not(end - start < 0.99 * self.controller.factormax * (t1 - t0))
         wish = jnp.where(keep & cut, jnp.maximum(end - start, state.wish), end - start)
         arrived = keep & (t1 >= state.stop)
         stop = jnp.where(arrived, self.stops.after(jnp.asarray(start)), state.stop)
@@ -126,7 +126,8 @@ class StopAtJumps(diffrax.AbstractAdaptiveStepSizeController[Any, Any]):
         parts = jnp.clip(jnp.ceil(jax.lax.stop_gradient(way / wish)), 1.0, _MANY)
         end = jnp.minimum(start + jnp.where(parts < _MANY, way / parts, wish), stop)
         # Comparisons with NaN are false, so that one is found too.
-        lost = ~keep & ~(wish > 64.0 * EPSILON * t0 + 1e-12 / self.stops.motion.rate)
+        least = 64.0 * EPSILON * t0 + 1e-12 / self.stops.motion.rate
+        lost = jnp.logical_not(keep) & ~(wish > least)
         result = diffrax.RESULTS.where(lost, diffrax.RESULTS.dt_min_reached, result)
         return keep, start, end, arrived, _StopsState(inner, wish, stop), result
 
@@ -141,7 +142,7 @@ class Within(diffrax.AbstractAdaptiveSolver[Any], diffrax.AbstractWrappedSolver[
     - `solver`: does the steps.
     """
 
-    solver: diffrax.AbstractSolver
+    solver: diffrax.AbstractSolver  # ty: ignore[incompatible-attribute-override]
 
     @property
     def root_finder(self):

@@ -159,7 +159,7 @@ def flexible_body(
     each, lines = _different_teeth(index, grid, gear.teeth, repeats)
     patches = root_patches(pair, index, grid, each, points=points, axial=axial)
     found, components = interface_map(_surface(body), patches), root_components(pair, motion)
-    held = _held(body, found, patches.angles.ravel(), components, heat, give and give(patches))
+    held = _held(body, found, patches, components, heat, None if give is None else give(patches))
     count, slices, size, cells = len(each), grid.slices, len(components), grid.cells
     pairs = _between_cells(held, lines, each, repeats, local, components, ribs)
 
@@ -313,7 +313,7 @@ def _of_one_tooth(local: np.ndarray, slices: int, components: tuple[int, ...]) -
 def _held(
     body: Condensed,
     found: InterfaceMap,
-    angles: np.ndarray,
+    patches: RootPatches,
     components: tuple[int, ...],
     heat: np.ndarray | None,
     give: np.ndarray | None,
@@ -326,6 +326,7 @@ def _held(
     seat = np.arange(rim, rim + 6 * count)
     inner = np.setdiff1d(np.arange(len(body.stiffness)), seat)
     joined = body.stiffness[np.ix_(inner, seat)]
+    angles = patches.angles.ravel()
     kept = (6 * np.arange(len(angles))[:, None] + np.array(components)).ravel()
     rows = found.rows[kept]
     whole = np.stack([body.centrifugal_load, *([] if heat is None else heat)], axis=1)

@@ -179,7 +179,7 @@ def read_value(name: str, value: Any) -> Any:
     rule = key_at(name)
     assert rule is not None
     if rule.kind == "floats" and not isinstance(value, list):
-        return rule.read([value])[0]  # pyright: ignore[reportIndexIssue]
+        return rule.read([value])[0]
     return rule.read(value)
 
 

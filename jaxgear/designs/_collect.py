@@ -111,7 +111,7 @@ def collected(job: Job) -> Collected:
         versions=[f"{name} {version}" for name, version in names["versions"].items()],
         scattered=int(scattered),
     )
-    summary = names | {
+    summary: dict[str, Any] = names | {
         "study": {
             "scene": scene.name,
             "command": asked.command,

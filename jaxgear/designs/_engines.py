@@ -6,7 +6,7 @@ caches of compiled programs and of condensed bodies, as far as they share `$JAXG
 
 import contextlib
 import multiprocessing
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any
@@ -99,10 +99,10 @@ def _executor(study: Study, folder: str) -> contextlib.AbstractContextManager[An
 
 
 @contextlib.contextmanager
-def _dask(work: WorkKeys, where: str) -> Iterator[Executor]:
+def _dask(work: WorkKeys, where: str) -> Generator[Executor]:
     """The workers of a Dask scheduler that somebody has started."""
     try:
-        from distributed import Client  # pyright: ignore[reportMissingImports]
+        from distributed import Client
     except ImportError:
         raise _not_installed("dask", "distributed") from None
     try:
@@ -117,10 +117,10 @@ def _dask(work: WorkKeys, where: str) -> Iterator[Executor]:
 
 
 @contextlib.contextmanager
-def _slurm(work: SlurmKeys, folder: str) -> Iterator[Any]:
+def _slurm(work: SlurmKeys, folder: str) -> Generator[Any]:
     """Jobs of a SLURM cluster, or processes of this machine that submitit starts alike."""
     try:
-        import submitit  # pyright: ignore[reportMissingImports]
+        import submitit
     except ImportError:
         raise _not_installed("slurm", "submitit") from None
     executor = submitit.AutoExecutor(folder=f"{folder}/jobs", cluster=work.cluster)

@@ -148,6 +148,8 @@ def programs_of(
         arrays = tuple(array_of(name, model, cycle, law) for name in kept)
         return found, (cycle.converged, arrays)
 
+    # Traced once, for what it returns and for the loop.
+    @jax.jit
     def one(values: Reals) -> Found:
         if keep.gradients:
             found, (converged, arrays), slopes, _ = linearised(respond)(
@@ -156,9 +158,6 @@ def programs_of(
             return Found(found, converged, arrays, slopes[:, :-1])
         found, (converged, arrays) = respond(values)
         return Found(found, converged, arrays, None)
-
-    # Traced once, for what it returns and for the loop.
-    one = jax.jit(one)
 
     def program(rows: Reals, counts: Flags) -> Found:
         if batched:

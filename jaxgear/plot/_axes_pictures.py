@@ -132,7 +132,7 @@ def _draw_side(panel: Axes, pair: xr.Dataset, arrows: Mapping[str, Any]) -> None
     half = max(0.5 * float(pair["face_width_mm"]), 0.35 * float(radii.max()))
     for body, (name, colour) in enumerate(zip(pair["gear"].values, GEAR_COLOURS, strict=True)):
         level, radius = distance * body, radii[body]
-        look = {"fc": colour, "ec": colour, "alpha": 0.16}
+        look: dict[str, Any] = {"fc": colour, "ec": colour, "alpha": 0.16}
         panel.add_patch(Rectangle((-half, level - radius), 2 * half, 2 * radius, **look))
         _, trace = arrows[f"tooth trace of the {name}"]
         z = np.linspace(-half, half, _POINTS)

@@ -3,6 +3,8 @@
 Coordinates are those of the body: Z along the axis from mid-face, X towards the middle of tooth 0.
 """
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -97,7 +99,12 @@ def _draw_section(axes: Axes, body: xr.Dataset, colours: dict[str, str]) -> None
             # On several cylinders, as in a solid shaft or over a step.
             axes.plot(*np.unique(np.round([z, r], 3), axis=1), ".", color=colour, ms=5)
     for name, point in zip(body["seat"].values, body["seat_mm"].values, strict=True):
-        look = {"color": "white", "mec": colours.get(name, GREY), "mew": 1.8, "zorder": 4}
+        look: dict[str, Any] = {
+            "color": "white",
+            "mec": colours.get(name, GREY),
+            "mew": 1.8,
+            "zorder": 4,
+        }
         axes.plot(point[2], 0.0, "o", ms=6, **look)
     axes.axhline(0.0, color=GREY, lw=0.8, ls="-.")
     axes.autoscale_view()
@@ -144,11 +151,11 @@ def families(modes: xr.Dataset) -> Figure:
     axes.set_ylim(bottom=0.0)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     seen = [kind for kind in _MARKS if kind in kinds]
-    look = {"ls": "", "ms": 7}
-    handles = [Line2D([], [], color=_COLOURS[each], marker=_MARKS[each], **look) for each in seen]
+    marked: dict[str, Any] = {"ls": "", "ms": 7}
+    handles = [Line2D([], [], color=_COLOURS[each], marker=_MARKS[each], **marked) for each in seen]
     names = [f"mostly {kind}" for kind in seen]
     if not clear.all():
-        handles.append(Line2D([], [], mec=GREY, marker="o", mfc="white", **look))
+        handles.append(Line2D([], [], mec=GREY, marker="o", mfc="white", **marked))
         names.append("no clear nodal diameter")
     title = "numbers: nodal circles" if "nodal_circle" in modes else None
     legend_below(figure, handles, names, ncols=4, title=title)
@@ -177,7 +184,7 @@ def mode_shapes(body: xr.Dataset) -> Figure:
         # A slender body is narrower than its panel, whose title is not.
         panel.set_aspect("equal", adjustable="datalim")
         panel.set_title(str(body["label"].values[mode]))
-    place = {"location": "bottom", "shrink": 0.6, "aspect": 40, "pad": 0.02}
+    place: dict[str, Any] = {"location": "bottom", "shrink": 0.6, "aspect": 40, "pad": 0.02}
     bar = figure.colorbar(colours, ax=places, **place)
     bar.set_label("displacement along the direction named, of the largest")
     return figure

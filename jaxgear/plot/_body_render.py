@@ -101,7 +101,7 @@ def _lit(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-300)
     light = normal @ (_LIGHT / np.linalg.norm(_LIGHT) @ frame())
     shade = _DARK + (1.0 - _DARK) * np.clip(light, 0.0, 1.0)
-    return shade[:, :8], (normal[..., 2] > 0.0).any(axis=1)
+    return shade[:, :8], np.any(normal[..., 2] > 0.0, axis=1)
 
 
 def _rounded(counts: np.ndarray) -> np.ndarray:

@@ -196,7 +196,7 @@ def alone(dataset: xr.Dataset, gear: str) -> Figure:
     )
     for fits, style in zip((sure, ~sure), looks, strict=True):
         if fits.any():
-            style = {"label": "in mesh, much changed", "zorder": 3} | style
+            style: dict[str, Any] = {"label": "in mesh, much changed", "zorder": 3} | style
             axes.scatter(number[fits] + 0.12, after[fits] / unit, **style)
             change.scatter(number[fits], percent[fits], **style)
     change.axhline(0.0, color=GREY, lw=0.8)

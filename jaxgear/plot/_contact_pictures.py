@@ -36,7 +36,7 @@ def contact_loss(dataset: xr.Dataset, share: np.ndarray) -> Figure:
     figure.colorbar(area, ax=over, label=_FORCE, pad=0.01)
     if min(apart.shape) > 1 and np.any(apart) and not np.all(apart):
         # Around the places where the teeth are apart.
-        line = {"levels": [0.5], "colors": [RED], "linewidths": 1.1}
+        line: dict[str, Any] = {"levels": [0.5], "colors": [RED], "linewidths": 1.1}
         over.contour(speed, phase, apart.T.astype(float), **line)
     over.set_ylabel(_PHASE)
     _draw_pairs(pairs, dataset["tooth_pairs"].values, cells)

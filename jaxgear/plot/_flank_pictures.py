@@ -1,5 +1,7 @@
 """Pictures of flanks at speed: pressure on one tooth's way, and what each tooth carries."""
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
@@ -49,31 +51,20 @@ def largest_loads(dataset: xr.Dataset) -> Figure:
     )
     reach = 1.2 * max(float(np.abs(face).max()), 0.1)
     upwards = lambda values, room: (0.0, room * float(np.nanmax(values)))
-    dot = {"marker": dots(dataset["speed"].values), "ms": 3}
-    for axes, values, label, limits, look in (
-        (left, load, "largest line load [N/mm]", upwards(load, 1.1), {**dot, "color": BLUE}),
-        (
-            left.twinx(),
-            pressure,
-            "largest pressure [MPa]",
-            upwards(pressure, 1.1),
-            {**dot, "color": RED, "ls": "--"},
-        ),
-        (
-            right,
-            passage,
-            "mesh periods since entry at mid-face",
-            upwards(passage, 1.2),
-            {"marker": "o", "ms": 3, "ls": "", "color": BLUE},
-        ),
-        (
-            right.twinx(),
-            face,
-            "position from mid-face [mm]",
-            (-reach, reach),
-            {"marker": "x", "ms": 4, "ls": "", "color": GREY},
-        ),
-    ):
+    dot = dots(dataset["speed"].values)
+    looks: list[dict[str, Any]] = [
+        {"marker": dot, "ms": 3, "color": BLUE},
+        {"marker": dot, "ms": 3, "color": RED, "ls": "--"},
+        {"marker": "o", "ms": 3, "ls": "", "color": BLUE},
+        {"marker": "x", "ms": 4, "ls": "", "color": GREY},
+    ]
+    shown = (
+        (left, load, "largest line load [N/mm]", upwards(load, 1.1)),
+        (left.twinx(), pressure, "largest pressure [MPa]", upwards(pressure, 1.1)),
+        (right, passage, "mesh periods since entry at mid-face", upwards(passage, 1.2)),
+        (right.twinx(), face, "position from mid-face [mm]", (-reach, reach)),
+    )
+    for (axes, values, label, limits), look in zip(shown, looks, strict=True):
         axes.plot(dataset["speed"].values, values, **look)
         axes.set_ylabel(label, color=look["color"])
         axes.set_ylim(limits)

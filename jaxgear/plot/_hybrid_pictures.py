@@ -1,5 +1,7 @@
 """Pictures of hybrid models: loads across the face, one tooth's way, bodies that give."""
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -212,5 +214,5 @@ def _draw_deflected(figure: FigureBase, axes: Axes, shown: xr.Dataset, *, with_m
         write_at(axes, "mesh", where, (0, -44), bbox=BOX, **look)
     axes.set_title(f"drawn {scale:g} times as large", loc="left")
     # Below, so that slender bodies stay in the middle.
-    place = {"ax": axes, "location": "bottom", "shrink": 0.7, "aspect": 30}
-    figure.colorbar(colours, label="displacement against the gear's seat [µm]", **place)
+    bar: dict[str, Any] = {"ax": axes, "location": "bottom", "shrink": 0.7, "aspect": 30}
+    figure.colorbar(colours, label="displacement against the gear's seat [µm]", **bar)

@@ -43,7 +43,7 @@ def modes(dataset: xr.Dataset) -> Figure:
     for part, share in zip(dataset["part"].values, energy.T, strict=True):
         colour, hatch = _PARTS[str(part)]
         # Hatching tells parts apart without colour.
-        look = {"fc": colour, "hatch": hatch, "ec": "white", "lw": 0.0}
+        look: dict[str, Any] = {"fc": colour, "hatch": hatch, "ec": "white", "lw": 0.0}
         axes.barh(place, share, left=left, height=0.74, **look)
         handles.append(Patch(label=str(part), **look))
         left = left + share

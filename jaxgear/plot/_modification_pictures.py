@@ -66,7 +66,7 @@ def _draw_trace(
     x, designed, made = (trace[key].values for key in (across, "designed_um", "made_um"))
     (marks[f"{name}as designed"],) = axes.plot(x, designed, **look)
     if np.max(np.abs(made - designed)) > _SAME:
-        (marks[f"{name}as made"],) = axes.plot(x, made, **{**look, "lw": 0.9})
+        (marks[f"{name}as made"],) = axes.plot(x, made, **(look | {"lw": 0.9}))
 
 
 def _draw_ends(

@@ -160,7 +160,8 @@ def _draw_orders(axes: Axes, dataset: xr.Dataset, name: str) -> None:
         whole = is_whole[row]
         heard = row in strongest and np.max(column) > 0.01 * most
         if (whole and value <= _ORDERS_SHOWN) or heard:
-            look = {"color": next(colours) if whole else GREY, "lw": 1.4 if whole else 1.1}
+            look: dict[str, Any] = {"color": next(colours) if whole else GREY}
+            look |= {"lw": 1.4 if whole else 1.1}
             look |= {"ls": "-" if whole else next(dashes), "label": f"order {value:.3g}"}
             _draw_order(axes, dataset, column, most, **look)
 

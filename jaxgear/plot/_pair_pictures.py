@@ -1,5 +1,7 @@
 """The picture of both gears in mesh, in the transverse plane."""
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -11,8 +13,8 @@ from jaxgear.plot._palette import GEAR_COLOURS, GREEN, GREY
 from jaxgear.plot._style import BOX, legend_below, panels, write_at
 
 _CIRCLES = {"tip": "-", "working pitch": "-.", "base": "--", "root": ":"}
-_ACTION = {"color": GREEN, "lw": 1.0, "ls": (0, (6, 2))}
-_CONTACT = {"color": GREEN, "lw": 3.0}
+_ACTION: dict[str, Any] = {"color": GREEN, "lw": 1.0, "ls": (0, (6, 2))}
+_CONTACT: dict[str, Any] = {"color": GREEN, "lw": 3.0}
 
 
 def gear_pair(pair: xr.Dataset) -> Figure:

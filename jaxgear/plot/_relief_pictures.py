@@ -39,7 +39,10 @@ def master_curve(chart: xr.Dataset, valley: xr.Dataset, search: xr.Dataset | Non
     extent, levels = chart["extent"].values, _levels(chart["te_rms_um"].values)
     norm = BoundaryNorm(levels, 256, extend="min")
     _chart_of(figure, axes, chart, levels, cmap=SURFACE, extend="min", norm=norm)
-    outlined = {"lw": 2.0, "path_effects": [withStroke(linewidth=3.4, foreground="black")]}
+    outlined: dict[str, Any] = {
+        "lw": 2.0,
+        "path_effects": [withStroke(linewidth=3.4, foreground="black")],
+    }
     closed = valley["closed_form_depth_um"].values
     inside = np.where(closed <= float(chart["depth_um"].max()), closed, np.nan)
     for curve, colour, style, label in (

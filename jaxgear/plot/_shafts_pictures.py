@@ -85,7 +85,9 @@ def _side_view_size(pair: xr.Dataset, shafts: xr.Dataset) -> tuple[float, float]
 
 
 def _add_legend(figure: Figure, scale: float, *, seated: bool) -> None:
-    marks = [{"marker": each["marker"]} if seated else {} for each in _SEAT_MARKS]
+    marks: list[dict[str, Any]] = [
+        {"marker": each["marker"]} if seated else {} for each in _SEAT_MARKS
+    ]
     kinds = [
         Line2D([], [], color=colour, ls=style, lw=2.0, **mark)
         for (colour, style), mark in zip(_DEFLECTION.values(), marks, strict=True)
@@ -101,7 +103,7 @@ def _draw_deflection(axes: Axes, shaft: xr.Dataset, level: float, scale: float) 
     # Between the seats of a condensed body nothing is known of its shaft.
     marks = _SEAT_MARKS if shaft["seats_only"] else ({}, {})
     for (axis, (colour, style)), mark in zip(_DEFLECTION.items(), marks, strict=True):
-        look = {"color": colour, "ls": style, "lw": 2.0, "zorder": 5} | mark
+        look: dict[str, Any] = {"color": colour, "ls": style, "lw": 2.0, "zorder": 5} | mark
         moved = shaft[f"deflection_{axis}_um"].values * um / mm
         axes.plot(shaft["Z_mm"].values, level + scale * moved, **look)
 
@@ -123,7 +125,7 @@ def _draw_gear_side(axes: Axes, gear: xr.Dataset, shafts: xr.Dataset, body: int)
             corner = -0.5 * width, level + min(side * root, side * tip)
             axes.add_patch(Rectangle(corner, width, tip - root, alpha=0.12, **look))
             # Above the shaft, which is a part of it.
-            pale = {"fc": _PALE[body], "ec": _PALE[body], "lw": 0.4, "zorder": 2.5}
+            pale: dict[str, Any] = {"fc": _PALE[body], "ec": _PALE[body], "lw": 0.4, "zorder": 2.5}
             axes.add_collection(PolyCollection(list(section * [1.0, side] + [0.0, level]), **pale))
     look = {"va": "bottom" if body else "top", "color": colour, "weight": "bold"}
     write_at(axes, name, (0.0, level + (tip if body else -tip)), (0, 3 if body else -3), **look)
@@ -217,7 +219,7 @@ def _draw_loads(axes: Axes, shaft: xr.Dataset, level: float) -> None:
         )
         # The arrow has the direction of the part in the plane of the picture, not its size.
         in_plane = np.asarray([force[2], force[0]])
-        size = float(np.hypot(*in_plane))
+        size = float(np.hypot(force[2], force[0]))
         aside = 36.0 * in_plane / size if size > 0.0 else np.asarray([0.0, -36.0])
         axes.plot(z, level, "o", ms=4, color=RED, zorder=7)
         arrow = {"arrowstyle": "-|>" if size > 0.0 else "-", "color": RED, "lw": 1.5}

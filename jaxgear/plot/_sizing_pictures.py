@@ -1,5 +1,7 @@
 """The picture of the sizing table."""
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -39,7 +41,7 @@ def _map_of(dataset: xr.Dataset) -> Figure:
     axes.plot(best, torques_Nm, "*", color=PINK, mec="black", ms=12, label=worst)
     if te_um.size <= _WRITTEN:
         halo = [withStroke(linewidth=2.2, foreground="black", alpha=0.5)]
-        look = {"ha": "center", "va": "center", "color": "white", "fontsize": 8.5}
+        look: dict[str, Any] = {"ha": "center", "va": "center", "color": "white", "fontsize": 8.5}
         for (row, column), value in np.ndenumerate(te_um):
             text = f"\n\n{value:.2f}" if amounts[row] == amounts[0] else f"{value:.2f}"
             axes.text(

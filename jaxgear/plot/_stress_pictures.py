@@ -1,5 +1,7 @@
 """Pictures of the stresses of condensed bodies, and of the strain gauges on them."""
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -39,7 +41,7 @@ def body_stress(body: xr.Dataset) -> Figure:
     colours = _scale(values[told])
     _draw_surface(view, body, fill_of(colours, values, body["face"].values))
     view.set_title(f"von Mises stress, {body.attrs['under']}", loc="left")
-    bar = {"location": "bottom", "shrink": 0.8, "pad": 0.02}
+    bar: dict[str, Any] = {"location": "bottom", "shrink": 0.8, "pad": 0.02}
     figure.colorbar(colours, ax=view, label="von Mises stress [MPa]", **bar)
     names = ("section_principal_MPa", "section_alternating_MPa")
     of_nodes = ("largest_principal_MPa", "alternating_MPa")
@@ -175,7 +177,11 @@ def gauges_at_speed(dataset: xr.Dataset) -> Figure:
         for number, name in enumerate(dataset[f"{gear}_gauge"].values):
             own = dataset.sel({f"{gear}_gauge": name})
             for row, way in enumerate(dataset["direction"].values):
-                look = {"color": SERIES[number % len(SERIES)], "ls": _LINES[str(way)], "lw": 1.1}
+                look: dict[str, Any] = {
+                    "color": SERIES[number % len(SERIES)],
+                    "ls": _LINES[str(way)],
+                    "lw": 1.1,
+                }
                 for part, mark in (("largest", "^"), ("least", "v")):
                     stress = own[f"{gear}_gauge_stress_{part}_MPa"].values[row]
                     label = f"{name}, {way}" if part == "largest" else None

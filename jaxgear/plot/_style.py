@@ -5,7 +5,7 @@ Figures are made without pyplot, so nothing is kept, shown or configured behind 
 
 import contextlib
 import gc
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from pathlib import Path
 from typing import Any
 
@@ -52,14 +52,14 @@ _LOOK: dict[Any, Any] = {
 
 
 @contextlib.contextmanager
-def house_look() -> Iterator[None]:
+def house_look() -> Generator[None]:
     """Sizes, grid and spines of every picture, for as long as it is drawn."""
     with matplotlib.rc_context(_LOOK):
         yield
 
 
 @contextlib.contextmanager
-def _uncollected() -> Iterator[None]:
+def _uncollected() -> Generator[None]:
     """Collect no garbage for a while: each collection walks through all that JAX has traced."""
     collecting = gc.isenabled()
     gc.disable()
@@ -132,7 +132,7 @@ def laid_out(axes: Axes) -> float:
 def _set_aspect(axes: Axes, renderer: Any = None) -> None:
     """Shape axes as drawing would."""
     locator = axes.get_axes_locator()
-    axes.apply_aspect(locator(axes, renderer) if locator else None)
+    axes.apply_aspect(locator(axes, renderer) if locator is not None else None)
 
 
 def _measure_once(axes: Axes) -> None:
@@ -212,8 +212,8 @@ def legend_below(figure: Figure, *entries: Any, ncols: int = 1, **options: Any) 
 
 def write_at(axes: Axes, text: str, at: Any, by: Any, **look: Any) -> Annotation:
     """A text beside a point, so many points of the page away from it, centred there."""
-    place = {"xytext": by, "textcoords": "offset points", "ha": "center"}
-    return axes.annotate(text, at, **{**place, **look})
+    place: dict[str, Any] = {"xytext": by, "textcoords": "offset points", "ha": "center"}
+    return axes.annotate(text, at, **(place | look))
 
 
 def surface(

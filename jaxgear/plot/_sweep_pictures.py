@@ -187,7 +187,11 @@ def _draw_leaps(axes: Axes, dataset: xr.Dataset, name: str) -> None:
         for place in leaps(values, flag(own, "settled"), _ceiling(dataset, name)):
             ends = np.stack([speed[place : place + 2], values[place : place + 2]], axis=1)
             ends = ends[:: -1 if direction == "down" else 1]
-            head = {"arrowstyle": "-|>", "color": _COLOURS[direction], "mutation_scale": 17}
+            head: dict[str, Any] = {
+                "arrowstyle": "-|>",
+                "color": _COLOURS[direction],
+                "mutation_scale": 17,
+            }
             head |= {"lw": 0.0, "shrinkA": 0.0, "shrinkB": 0.0}
             tip = ends[0] + 0.7 * (ends[1] - ends[0])
             axes.annotate("", tuple(tip), xytext=tuple(ends[0]), arrowprops=head, zorder=3.3)

@@ -163,12 +163,14 @@ def wave_levels(dataset: xr.Dataset, gear: str) -> Figure:
     strongest = np.argsort(-size, kind="stable")[: min(_LINES, int(np.sum(size >= 0.0)))]
     mark: dict[str, Any] = {"marker": dots(speed), "ms": 3}
     for place, wave in enumerate(sorted(strongest, key=lambda i: (abs(number[i]), number[i]))):
-        look = {"color": _SERIES[place], "ls": "--" if number[wave] < 0 else "-", **mark}
+        look = mark.copy()
+        look.update(color=_SERIES[place], ls="--" if number[wave] < 0 else "-")
         left.plot(speed, level[:, wave], label=wave_words(int(number[wave])), **look)
     left.set_title(f"waves around the rim, of {BENT} and more nodal diameters", loc="left")
     for place, name in enumerate(own[f"{gear}_probe"].values):
         turns = bool(own[f"{gear}_probe_turns"].values[place])
-        look = {"color": _SERIES[place % 6], "ls": "-" if turns else "--", **mark}
+        look = mark.copy()
+        look.update(color=_SERIES[place % 6], ls="-" if turns else "--")
         right.plot(speed, own[f"{gear}_probe_rms_um"].values[:, place], label=name, **look)
     right.set_title("probes", loc="left")
     for axes in (left, right):

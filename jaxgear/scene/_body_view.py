@@ -8,6 +8,7 @@ import dataclasses
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -51,13 +52,14 @@ def keep_beside(key: str, name: str, arrays: Mapping[str, np.ndarray]) -> None:
     bodies, folder = cache_folder(), view_folder()
     if bodies is None or folder is None:
         return
+    held: dict[str, Any] = dict(arrays)
     with contextlib.suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
         for path in folder.glob("*.npz"):
             if not (bodies / f"{path.name[: len(key)]}.npz").exists():
                 path.unlink()
         with whole_file(folder / f"{name}.npz") as draft, draft.open("wb") as file:
-            np.savez(file, **arrays)  # pyright: ignore[reportArgumentType]
+            np.savez(file, **held)
 
 
 def read_view(key: str, nodes: int) -> BodyView | None:

@@ -1,7 +1,7 @@
 """Mistakes in a body's measures, told in the keys of the scene."""
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Generator
 
 from fem_prep import BodyError
 from jaxgear._checks import InputError
@@ -46,7 +46,7 @@ _REMEDIES = {
 
 
 @contextlib.contextmanager
-def in_keys(gear: str) -> Iterator[None]:
+def in_keys(gear: str) -> Generator[None]:
     """Say what is wrong with a body as what is wrong with the scene.
 
     **Raises:**

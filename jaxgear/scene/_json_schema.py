@@ -61,7 +61,8 @@ def _inner(root: dict[str, Any], path: str) -> dict[str, Any]:
         name = part.removesuffix("[]")
         known = node["properties"].get(name)
         if name != part:
-            known = known or {"type": "array", "items": _table()}
+            array: dict[str, Any] = {"type": "array", "items": _table()}
+            known = known or array
             node["properties"][name], node = known, known["items"]
         elif known is None or known.get("type") == "object":
             node = node["properties"].setdefault(name, _table())

@@ -144,7 +144,7 @@ class Key:
         text = noun + (each + " " if bounds and each else " " if bounds else "")
         return text + " and ".join(bounds) + (f" [{self.unit}]" if self.unit else "")
 
-    def read(self, value: object) -> object:
+    def read(self, value: object) -> Any:
         """Return the value in its canonical type, or raise `ValueError` saying what is wrong."""
         if self.kind not in ("floats", "texts"):
             return self._read_one(value, value)

@@ -129,15 +129,15 @@ def _item(value: object, old: object) -> object:
     return value
 
 
-def _plain(key: str, value: object) -> object:
+def _plain(key: str, value: Any) -> Any:
     """Return a value as plain Python: numbers may arrive as JAX or NumPy scalars."""
     whole, index = split_entry(key)
     # Rows and lists of tables come from a scene that was read, so they are plain.
     kind = KEYS[general(whole)].kind if general(whole) in KEYS else "text"
     if kind == "float" or (kind == "floats" and index is not None):
-        return float(value)  # pyright: ignore[reportArgumentType]
+        return float(value)
     if kind == "int":
-        return int(value)  # pyright: ignore[reportArgumentType]
+        return int(value)
     if kind == "floats":
-        return [float(entry) for entry in value]  # pyright: ignore[reportGeneralTypeIssues]
+        return [float(entry) for entry in value]
     return value

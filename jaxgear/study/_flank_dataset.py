@@ -16,7 +16,10 @@ from jaxgear.study._results import Entries, dataset_of, over
 
 def largest_loads(seen: list[list[Seen]]) -> Entries:
     """The largest loads of every response, and of tooth pairs if there are several."""
-    rows = lambda name: np.asarray([[getattr(each.flank, name) for each in own] for own in seen])
+
+    def rows(name: str) -> np.ndarray:
+        return np.asarray([[getattr(each.flank, name) for each in own] for own in seen])
+
     found = over(
         "direction speed",
         max_line_load_N_mm=(rows("line_load"), "largest load per length of contact line"),

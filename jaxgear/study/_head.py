@@ -133,11 +133,11 @@ def study(
     @functools.wraps(found)
     def studied(scene: Scene, *more: _More.args, **named: _More.kwargs) -> Result:
         pair = scene.plain.pair
-        if found.__name__ not in _WITHOUT_LOAD:
-            scene.refuse(without_load(pair, what=found.__name__))
+        if studied.__name__ not in _WITHOUT_LOAD:
+            scene.refuse(without_load(pair, what=studied.__name__))
         if pair.sense < 0:
             of = pair, scene.gears, scene.flank, scene.optimise
-            periods, what = scene.mesh.periods, found.__name__
+            periods, what = scene.mesh.periods, studied.__name__
             scene.refuse(no_mirror_image(*of, periods=periods, what=what))
         with stopwatch(), keeping_verbs(), clock() as spent:
             result = found(scene, *more, **named)

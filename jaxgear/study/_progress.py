@@ -4,7 +4,7 @@ A study draws no bars and prints nothing. Whoever shows progress, such as the co
 a `Listener` for a while.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from typing import Protocol, runtime_checkable
@@ -31,7 +31,7 @@ _SHOWN: ContextVar[Callable[[str], None] | None] = ContextVar("_SHOWN", default=
 
 
 @contextmanager
-def listened_by(listener: Listener) -> Iterator[None]:
+def listened_by(listener: Listener) -> Generator[None]:
     """Show there what is said inside."""
     token = _LISTENER.set(listener)
     try:
@@ -41,7 +41,7 @@ def listened_by(listener: Listener) -> Iterator[None]:
 
 
 @contextmanager
-def progress(total: int, what: str) -> Iterator[Callable[[int], None]]:
+def progress(total: int, what: str) -> Generator[Callable[[int], None]]:
     """Work of a known amount; the value is told how many more are done."""
     listener = _LISTENER.get()
     if listener is None:
@@ -52,7 +52,7 @@ def progress(total: int, what: str) -> Iterator[Callable[[int], None]]:
 
 
 @contextmanager
-def narration(what: str) -> Iterator[Callable[[str], None]]:
+def narration(what: str) -> Generator[Callable[[str], None]]:
     """Work of an unknown amount; the value is told what is being done."""
     listener = _LISTENER.get()
     if listener is None:
@@ -63,7 +63,7 @@ def narration(what: str) -> Iterator[Callable[[str], None]]:
 
 
 @contextmanager
-def _spoken_by(show: Callable[[str], None]) -> Iterator[None]:
+def _spoken_by(show: Callable[[str], None]) -> Generator[None]:
     """Let `say` show steps there for a while."""
     token = _SHOWN.set(show)
     try:

@@ -191,7 +191,7 @@ def hardened(
 def acts(influence: optimise.Influence) -> np.ndarray:
     """Which quantities of an influence change anything."""
     span = np.maximum(
-        abs(influence.low - influence.nominal), abs(influence.high - influence.nominal)
+        np.abs(influence.low - influence.nominal), np.abs(influence.high - influence.nominal)
     )
     return span > _NOTHING * max(abs(influence.nominal), 1e-300)
 

@@ -5,7 +5,7 @@ What a whole study costs a clock tells, to which JAX says when it compiles.
 
 import functools
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any
@@ -100,7 +100,7 @@ def _listen() -> None:
 
 
 @contextmanager
-def clock() -> Iterator[Clock]:
+def clock() -> Generator[Clock]:
     """A clock of all that is done inside, also in threads that are given this context.
 
     The one around it, if there is one, hears of it at the end.
@@ -120,7 +120,7 @@ _WATCH: ContextVar[Stopwatch | None] = ContextVar("_WATCH", default=None)
 
 
 @contextmanager
-def stopwatch() -> Iterator[Stopwatch]:
+def stopwatch() -> Generator[Stopwatch]:
     """A stopwatch for all that is run inside, and not by a stopwatch within it.
 
     Programs of functions without a name of their own are kept as long as it lives.

@@ -22,7 +22,7 @@ STEPS_IN_PERIOD = 10
 
 def sweep_notes(scene: Scene, unsettled: int, responses: int, lost: list[str]) -> list[str]:
     """Remarks on a sweep: what does nothing, is out of reach, did not settle, or was lost."""
-    found = []
+    found: list[str] = []
     if scene.sweep.centrifugal and not scene.condensed:
         found.append(
             Idle("Rigid and beam bodies do not grow: sweep.centrifugal does nothing to them.")

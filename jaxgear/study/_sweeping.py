@@ -221,7 +221,7 @@ def sweep_of(
     # bodies: two programs with products of matrices of some hundred rows, side by side on two
     # cores, wait for each other's threads for ever (XLA for CPU, jaxlib 0.10).
     with concurrent.futures.ThreadPoolExecutor(1) as pool:
-        curves = None
+        curves: concurrent.futures.Future[Any] | None = None
         if follow is not None and not dynamics.bodies:
             curves = pool.submit(contextvars.copy_context().run, clocked, "continuation", follow)
         try:

@@ -300,7 +300,7 @@ def _texts(figure: Figure):
                 if low - room <= tick.get_loc() <= high + room:
                     yield from (tick.label1, tick.label2)
         yield from axes.texts
-        yield from (axes.title, axes._left_title, axes._right_title)  # pyright: ignore
+        yield from (axes.title, axes._left_title, axes._right_title)
     yield from itertools.chain.from_iterable(legend.get_texts() for legend in figure.legends)
     assert page.width > 0.0
 

@@ -1,5 +1,7 @@
 """The table of derivatives: true ones pass, false ones are found."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -66,7 +68,8 @@ def test_derivatives_by_many_keys_are_put_side_by_side():
 
     reverse = jax.make_jaxpr(jax.grad(total))(centre)
     sums = [each for each in reverse.eqns if each.primitive.name in ("pad", "add_any")]
-    assert not [each for each in sums if each.outvars[0].aval.shape == centre.shape]
+    made: list[Any] = [each.outvars[0].aval for each in sums]
+    assert not [each for each in made if each.shape == centre.shape]
 
 
 @pytest.mark.slow
@@ -156,7 +159,7 @@ def test_a_derivative_is_judged_by_its_difference():
 
 
 def _rows(*verdicts):
-    columns = {"contact": "exact", "response": "te_um", "key": "x"}
+    columns: dict[str, Any] = {"contact": "exact", "response": "te_um", "key": "x"}
     columns |= dict.fromkeys(("forward", "reverse", "difference", "error"), 0.5)
     rows = {name: ("row", [each] * len(verdicts)) for name, each in columns.items()}
     return xr.Dataset(rows | {"verdict": ("row", list(verdicts))})

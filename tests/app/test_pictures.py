@@ -543,7 +543,7 @@ def test_values_between_decades_are_plain_numbers(tmp_path):
     axes = figure.subplots()
     axes.set(yscale="log", ylim=(0.15, 1.5))
     write_picture(lambda: figure, tmp_path / "some.png", tmp_path / "some.svg")
-    named = [each.get_text() for each in axes.get_yticklabels("minor") if each.get_text()]
+    named = [each.get_text() for each in axes.get_yticklabels(minor=True) if each.get_text()]
     assert {"0.2", "0.4"} <= set(named)
     assert not [text for text in named if "$" in text]
 

@@ -1087,7 +1087,7 @@ def test_replace_checks_nothing_and_leaves_the_scene_alone(write):
     assert scene.value("pair.module_mm") == 1.5
     assert "pinion.support.axial_N_m" not in scene.values
     with pytest.raises(TypeError):
-        scene.values["pair.module_mm"] = 3.0  # pyright: ignore[reportIndexIssue]
+        scene.values["pair.module_mm"] = 3.0  # ty: ignore[invalid-assignment]
 
 
 def test_replace_of_an_entry_leaves_the_others_alone(write):
@@ -1148,7 +1148,7 @@ def test_keys_are_attributes_of_tables_that_do_not_change(write):
     assert scene.pinion.support.axial_N_m is None
     assert scene.probes == ()
     with pytest.raises(AttributeError, match=r"scene\.replace makes another one"):
-        scene.mesh.slices = 3  # pyright: ignore[reportAttributeAccessIssue]
+        scene.mesh.slices = 3  # ty: ignore[invalid-assignment]
     with pytest.raises(AttributeError, match="a scene has no mash"):
         scene.mash  # noqa: B018
     changed = scene.replace({"mesh.slices": 3, "optimise.bounds.pair.module_mm": [1.0, 2.0]})

@@ -2,6 +2,7 @@
 
 import csv
 import gc
+from typing import Any
 
 import numpy as np
 import pytest
@@ -48,7 +49,8 @@ def test_orders_and_spectra_come_back(tmp_path, order):
     write_functions(written, path)
     for before, after in zip(written, read_functions(path), strict=True):
         # A unit of one number has a length of 1, which pyuff reads as a number.
-        assert before._replace(x=0, values=0, z=0) == after._replace(x=0, values=0, z=0)
+        bare: dict[str, Any] = {"x": 0, "values": 0, "z": 0}
+        assert before._replace(**bare) == after._replace(**bare)
         np.testing.assert_allclose(after.values, before.values, rtol=1e-12)
         np.testing.assert_allclose(after.x, before.x, rtol=5e-6)
         np.testing.assert_allclose(after.z, before.z, rtol=5e-6)

@@ -2,6 +2,7 @@
 
 import json
 import re
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -277,7 +278,7 @@ def test_searches_refuse_what_only_a_sweep_feels(scene_of):
     relief = "flank.pinion.tip_relief.depth_um"
     search = f'[optimise]\nvary = ["{relief}"]\n[robust.scatter]\n"{key}" = 1.0\n'
     built = built_scene(scene_of(_ROTORS + _row("pinion", 50.0, 3.0) + search))
-    options = {"symmetric": False, "deflection": 10.0}
+    options: dict[str, Any] = {"symmetric": False, "deflection": 10.0}
     with pytest.raises(InputError, match=rf"{re.escape(key)}.* unbalance to `jaxgear sweep`"):
         design_space(built, (key,), **options)
     space = design_space(built, (relief,), **options)

@@ -37,7 +37,7 @@ _STRAIGHT = jg.Misalignment()
 class _Parabola(jg.AbstractCompliance):
     """A law that varies along the path, and compiles in no time."""
 
-    load_updates: ClassVar[int] = 0
+    load_updates: ClassVar[int] = 0  # ty: ignore[incompatible-attribute-override]
 
     def bodies(self, pair: jg.GearPair, neighbours: int) -> tuple[jg.SharedBody, ...]:
         del pair, neighbours
@@ -158,7 +158,7 @@ def test_arm_by_plane_vectors(make):
     beta = float(pair.base_helix_angle)
     line = np.asarray([math.sin(beta), math.cos(beta)])
     x = np.asarray(cells.lines.roll - pair.pitch_point)
-    z = np.broadcast_to(np.asarray(cells.lines.face_position), x.shape)
+    z = np.broadcast_to(np.asarray(cells.lines.face_position, dtype=float), x.shape)
     expected = np.stack([x, z], axis=-1) @ line
     assert_close(cells.arm, expected.reshape(16, -1), rtol=1e-12, atol=1e-16)
     # The cells of one line lie their own length apart.
@@ -391,10 +391,10 @@ def test_gradient_at_nominal_flanks():
 def test_one_trace():
     pair = power()
     grid = _grid(pair)
-    cells = eqx.filter_jit(
-        eqx.debug.assert_max_traces(
-            lambda p, load: jg.mesh_cells(p, grid, _PARABOLA, load), max_traces=1
-        )
-    )
+
+    def found(pair: jg.GearPair, load: jax.Array):
+        return jg.mesh_cells(pair, grid, _PARABOLA, load)
+
+    cells = eqx.filter_jit(eqx.debug.assert_max_traces(found, max_traces=1))
     for load in (1e5, 2e5):
         cells(pair, jnp.asarray(load))

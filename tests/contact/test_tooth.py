@@ -132,7 +132,7 @@ class _DrawnTooth:
             method="bounded",
             options={"xatol": 1e-11},
         )
-        return left_edge(found.x)  # pyright: ignore[reportAttributeAccessIssue]
+        return left_edge(found.x)
 
     def integral(self, function: Callable[[float, float], float], top: float) -> float:
         """Of a function of height and full thickness, from the root chord up."""

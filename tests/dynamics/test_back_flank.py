@@ -38,7 +38,7 @@ class _Coupled(jg.AbstractCompliance):
     It costs no compilation, unlike teeth on rings.
     """
 
-    load_updates: ClassVar[int] = 0
+    load_updates: ClassVar[int] = 0  # ty: ignore[incompatible-attribute-override]
 
     def local(self, pair: jg.GearPair, roll: jax.Array, line_load: jax.Array) -> jax.Array:
         del line_load

@@ -179,7 +179,7 @@ def test_slow_gears_run_as_at_rest():
     dynamics = cases.torsional_pair(relief=15e-6)
     method = HarmonicBalance(harmonics=15)
     slow = jax.jit(lambda s: steady_state(s, jnp.asarray(1.0), method))(dynamics.system)
-    swing = np.ptp(np.asarray(dynamics.system.rest[:, 0]))
+    swing = float(np.ptp(np.asarray(dynamics.system.rest[:, 0])))
     np.testing.assert_allclose(
         slow.place[:, 0], dynamics.system.rest[:, 0], rtol=0.0, atol=0.02 * swing
     )

@@ -1,6 +1,7 @@
 """Marching: the rules of the steppers, their order, their energy, and the forces they report."""
 
 import dataclasses
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -131,7 +132,7 @@ _marched = eqx.filter_jit(time_history)
 
 def _energies(step: float, stepper, *, averaged: bool) -> np.ndarray:
     speed, start = jnp.asarray(2.0 * np.pi / (64 * step)), jnp.asarray([[4.0], [0.0]])
-    given = {"stepper": stepper, "averaged": averaged, "cycles": 20, "keep": 20}
+    given: dict[str, Any] = {"stepper": stepper, "averaged": averaged, "cycles": 20, "keep": 20}
     history = _marched(_bouncing(), speed, start, **given)
     place, velocity = np.asarray(history.motion[:, 0]), np.asarray(history.velocity[:, 0])
     return 0.5 * velocity**2 + 0.5 * np.maximum(place, 0.0) ** 2 - place
@@ -231,7 +232,7 @@ def test_mesh_force_obeys_newton():
         + np.asarray(history.load) @ np.asarray(system.vectors).T
     )
     size = float(jnp.max(jnp.abs(system.load)))
-    expected = np.broadcast_to(np.asarray(system.load), balance.shape)
+    expected = np.broadcast_to(np.asarray(system.load, dtype=float), balance.shape)
     np.testing.assert_allclose(balance, expected, rtol=0.0, atol=1e-6 * size)
     ratio = np.asarray(history.load[:, 0]) / float(system.force)
     # F_m = F_s - m_eq (TE_n'' and its damping), along the approach alone.

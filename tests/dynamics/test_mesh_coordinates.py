@@ -2,6 +2,7 @@
 
 import functools
 import itertools
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -48,9 +49,9 @@ _made = eqx.filter_jit(
 
 @functools.cache
 def _pair(kind: str, count: int = MANY, coordinates: int = 8) -> PairDynamics:
-    supports = {"pinion_support": ROUND, "wheel_support": ROUND}
-    others = {"flanks": relieved(), "compliance": APART, "wheel_body": _wheel(kind, count)}
-    return _made(PairModel(PAIRS[kind](), 20.0, **supports, **others), _grid(kind), coordinates)
+    others: dict[str, Any] = {"pinion_support": ROUND, "wheel_support": ROUND}
+    others |= {"flanks": relieved(), "compliance": APART, "wheel_body": _wheel(kind, count)}
+    return _made(PairModel(PAIRS[kind](), 20.0, **others), _grid(kind), coordinates)
 
 
 # --- Which motions the mesh tells apart

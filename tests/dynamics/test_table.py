@@ -33,7 +33,7 @@ def test_places_of_relieved_flanks_meet_between_steps():
     table = cases.torsional_pair(relief=15e-6).system.table
     ends, starts = np.asarray(table.gap[2][:-1]), np.asarray(table.gap[0][1:])
     np.testing.assert_allclose(ends, starts, rtol=0.0, atol=1e-15)
-    assert np.ptp(np.asarray(table.gap[1])) > 5e-6
+    assert float(np.ptp(np.asarray(table.gap[1]))) > 5e-6
 
 
 def test_mesh_between_places_is_a_parabola():

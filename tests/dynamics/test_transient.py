@@ -231,7 +231,8 @@ def test_real_pair_obeys_newton_and_both_solvers():
     lightness = approach @ np.linalg.solve(np.asarray(system.mass), approach)
     speed = 0.7 * math.sqrt(float(system.mean[0, 0]) * lightness) / system.teeth
     end = 2.0 * float(system.mesh_period(jnp.asarray(speed)))
-    options = {"law": jg.SmoothContact(1e-7), "start": quasi_static_start(system), "end": end}
+    options: dict[str, Any] = {"law": jg.SmoothContact(1e-7), "end": end}
+    options |= {"start": quasi_static_start(system)}
     found = _run(system, speed, **options)
     implicit = _run(system, speed, solver="kvaerno5", **options)
     force = float(system.force)
@@ -359,7 +360,8 @@ def _waved(depth) -> DynamicSystem:
 
 def _late_place(depth, speed, end: float = 16.0, most_steps: int = 4096) -> jax.Array:
     times, start = jnp.linspace(0.0, end, 3), jnp.asarray(AT_REST)
-    options = {"law": LAW, "rtol": 1e-10, "atol": 1e-10, "most_steps": most_steps}
+    options: dict[str, Any] = {"law": LAW, "rtol": 1e-10, "atol": 1e-10}
+    options |= {"most_steps": most_steps}
     found = transient(_waved(depth), speed, 1.0, start, times, **options)
     return jnp.sum(found.place[:, 0] ** 2)
 

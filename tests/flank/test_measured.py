@@ -82,7 +82,7 @@ def test_table_of_a_smooth_law_converges_at_second_order():
     wave = np.sin(2.0 * np.pi * np.asarray(profile) + 0.4)
     errors = []
     for size in sizes:
-        place = np.linspace(0.0, 1.0, size + 1)
+        place = np.linspace(0.0, 1.0, int(size) + 1)
         table = MeasuredProfile(place, np.sin(2.0 * np.pi * place + 0.4))
         errors.append(np.abs(np.asarray(_evaluated(table, profile, face)) - wave).max())
     assert observed_order(1.0 / sizes, errors, bend=0.2) == pytest.approx(2.0, abs=0.1)

@@ -404,9 +404,11 @@ def test_derivative_by_the_helix_angle_of_a_spur_pair():
 
 def test_one_trace():
     grid = jg.mesh_grid(power(), phases=8, slices=2)
-    lines = eqx.filter_jit(
-        eqx.debug.assert_max_traces(lambda p: jg.contact_lines(p, grid), max_traces=1)
-    )
+
+    def found(pair: jg.GearPair) -> jg.ContactLines:
+        return jg.contact_lines(pair, grid)
+
+    lines = eqx.filter_jit(eqx.debug.assert_max_traces(found, max_traces=1))
     for width in (0.03, 0.035, 0.04):
         lines(eqx.tree_at(lambda p: p.wheel.face_width, power(), jnp.asarray(width)))
 

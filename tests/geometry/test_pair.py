@@ -2,6 +2,7 @@ import functools
 import math
 from collections.abc import Callable
 from types import SimpleNamespace
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -474,10 +475,10 @@ def test_overlap_does_not_depend_on_the_pressure_angle():
 
 def _pair(pinion: dict[str, float] | None = None, wheel=None, **rest) -> jg.GearPair:
     """25 and 40 standard teeth of module 2, with changes."""
-    first = {"teeth": 25, "face_width": 20.0 * mm} | (pinion or {})
-    second = {"teeth": 40, "face_width": 20.0 * mm} | (wheel or {})
+    first: dict[str, Any] = {"teeth": 25, "face_width": 20.0 * mm} | (pinion or {})
+    second: dict[str, Any] = {"teeth": 40, "face_width": 20.0 * mm} | (wheel or {})
     return jg.GearPair(
-        jg.Gear(**first),  # pyright: ignore[reportArgumentType]
+        jg.Gear(**first),
         jg.Gear(**second),
         **({"normal_module": 2.0 * mm} | rest),
     )

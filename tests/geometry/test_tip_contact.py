@@ -232,8 +232,11 @@ def test_gears_have_no_slope_where_the_gap_is_zero():
 
     start, end = float(pair.path_start), float(pair.path_end)
     roll = jnp.asarray(np.linspace(start, end, 7)[1:-1])
-    gaps = eqx.filter_jit(eqx.filter_grad(lambda pair: jnp.sum(tip_separation(pair, roll))))
-    slopes = jax.tree.leaves(gaps(pair))
+
+    def gaps(pair: jg.GearPair) -> jax.Array:
+        return jnp.sum(tip_separation(pair, roll))
+
+    slopes = jax.tree.leaves(eqx.filter_jit(eqx.filter_grad(gaps))(pair))
     assert slopes
     assert all(float(slope) == 0.0 for slope in slopes)
 

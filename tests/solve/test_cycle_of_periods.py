@@ -6,6 +6,7 @@ their mean over the pairs that carry.
 
 import functools
 import math
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -65,7 +66,7 @@ def _single_error(teeth: int, tooth: int, size: float) -> jg.Indexing:
 @pytest.mark.parametrize("make", quick(1, [ACCESSORY, POWER]), ids=["spur", "helical"])
 def test_three_periods_repeat_one(make):
     flanks = symmetric_relief(10 * um, 0.3)
-    more = {"phases": 12, "slices": 4, "flanks": flanks}
+    more: dict[str, Any] = {"phases": 12, "slices": 4, "flanks": flanks}
     one, three = (_cycle(make.pair(), n, **more) for n in (1, 3))
     error = _error(three).reshape(3, 12)
     for period in error:
@@ -147,7 +148,7 @@ def test_the_same_error_on_all_teeth_only_shifts(law):
     """The gap is along the normal: TE falls by error / cos(beta_b), whatever the stiffness."""
     pair = POWER.pair()
     relief = jg.TipRelief(12 * um, 0.25)
-    more = {"phases": 12, "slices": 4, "compliance": law, "torque": 200.0}
+    more: dict[str, Any] = {"phases": 12, "slices": 4, "compliance": law, "torque": 200.0}
     one, other = (
         _cycle(pair, 1, flanks=jg.Flanks(relief, relief, *map(jg.Indexing, errors)), **more)
         for errors in ((0.0, 0.0), (3 * um, 1 * um))

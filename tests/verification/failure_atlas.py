@@ -46,7 +46,7 @@ from jaxgear._dynamics._steppers import (
     Midpoint,
     Newmark,
 )
-from jaxgear._dynamics._sweep import SweepPoint, sweep
+from jaxgear._dynamics._sweep import Direction, SweepPoint, sweep
 from jaxgear._dynamics._system import DynamicSystem, modal_basis
 from jaxgear._dynamics._table import Mesh, MeshTable
 from jaxgear._interface._laws import ExactContact, SmoothContact
@@ -655,9 +655,9 @@ _SWEEP_SPEEDS = np.round(np.arange(0.5, 2.325, 0.05), 3)
 
 
 @functools.cache
-def _swept(direction: str) -> tuple[SweepPoint, ...]:
+def _swept(direction: Direction) -> tuple[SweepPoint, ...]:
     """The default sweep of B5 (a)."""
-    return sweep(sdof_parametric(steps=100), _SWEEP_SPEEDS, direction)  # pyright: ignore
+    return sweep(sdof_parametric(steps=100), _SWEEP_SPEEDS, direction)
 
 
 @functools.cache
@@ -1462,7 +1462,7 @@ each point judged by its residual and its Floquet multipliers.
 """
 
 
-def picture_of(row: Callable[[], Row]) -> str:
+def picture_of(row: Any) -> str:
     """Path of a row's picture from the document's folder."""
     return f"failure_atlas/{row.__name__}.png"
 

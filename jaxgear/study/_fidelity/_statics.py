@@ -190,7 +190,7 @@ class StaticProblem(AbstractProblem):
             slices, phases = max(slices, _FINEST[0]), max(phases, _FINEST[1])
         finer = {"mesh.slices": slices, "mesh.phases": phases}
         self.finest = {**(judge or finer), "mesh.contact": "exact"}
-        self.chosen = np.asarray([point.chosen for point in self.points])
+        self.chosen = np.asarray([point.chosen for point in self.points], dtype=bool)
 
     def require_responses(self) -> None:
         """Refuse responses of a scene without a sweep none of which the quasi-static cycle has.
