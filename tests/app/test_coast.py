@@ -127,6 +127,7 @@ def test_a_symmetrical_spur_pair_is_as_good_either_way(write):
             assert back.summary["static"][name] == value, name
 
 
+@pytest.mark.slow
 def test_coast_flanks_have_their_own_modifications(write):
     relief = "flank.pinion_coast.tip_relief.depth_um=20"
     drive = _solved(write, "flank.pinion.tip_relief.depth_um=20")

@@ -152,6 +152,7 @@ def _cells_on(pair: jg.GearPair, law: jg.FaceCoupling, grid: jg.MeshGrid) -> Fac
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("helix", quick(1, [30.0, 0.0, -12.0]))
 def test_cells_are_reciprocal_and_give_way_to_any_load(helix):
     coupling = np.asarray(_cells(_accessory(helix), jg.FaceCoupling()).coupling)

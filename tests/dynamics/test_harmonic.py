@@ -188,6 +188,7 @@ def test_slow_gears_run_as_at_rest():
     )
 
 
+@pytest.mark.slow
 def test_mesh_force_is_the_static_one_less_inertia():
     """F_m = F_s - m_eq TE'' for gears that only turn, with the damping force."""
     system = cases.torsional_pair(relief=15e-6).system

@@ -34,6 +34,7 @@ def _torsional():
     return eqx.filter_jit(lambda m: pair_dynamics(m, grid))(model)
 
 
+@pytest.mark.slow
 def test_torsional_pair_vibrates_on_the_mesh_alone():
     r"""$\sqrt{k/m_{eq}}/2\pi$, $1/m_{eq} = \cos^2\beta_b\,(r_{b1}^2/I_1 + r_{b2}^2/I_2)$."""
     dynamics = _torsional()

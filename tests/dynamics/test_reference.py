@@ -114,6 +114,7 @@ def test_multipliers_obey_liouville(case):
         assert_close(product, np.array(math.exp(-lost)), rtol=1e-5, atol=0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ["two branches", "sub-harmonic branch", "doubled"])
 def test_polished_orbits_are_the_same_and_obey_liouville_more_closely(case):
     oscillator, speed, _ = ORBITS[case]

@@ -46,6 +46,7 @@ def test_mesh_between_places_is_a_parabola():
     np.testing.assert_allclose(mesh_at(bent, 0.3).gap, 3.0 * 0.09 - 0.3, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_cells_that_cannot_be_in_contact_are_left_out():
     dynamics = cases.torsional_pair(relief=15e-6)
     table = repeated(dynamics.system.table, 2)

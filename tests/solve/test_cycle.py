@@ -449,6 +449,7 @@ def test_integer_overlap_keeps_an_unmodified_pair_still(sign):
 # --- supports
 
 
+@pytest.mark.slow
 def test_radial_springs_add_their_own_deflection():
     """Spur, no tilt: TE rises by F (sin^2/k_S + cos^2/k_T) of both gears, at every phase."""
     relief = symmetric_relief(12 * um, 0.25)
