@@ -163,7 +163,7 @@ def verb_called(
     held, shape = jax.tree.flatten(others)
     leaves, structure = jax.tree.flatten((arrays,))
     verb = _Verb(named, (tuple(held), shape), body)
-    return program_of(verb, structure, kinds_of(leaves))(*leaves)
+    return program_of(verb, structure, kinds_of(leaves), USUALLY)(*leaves)
 
 
 def leaves_of(*arguments: Any) -> tuple[list[Any], Any]:
