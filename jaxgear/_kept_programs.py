@@ -187,7 +187,7 @@ def kinds_of(leaves: Sequence[Any]) -> tuple[Kind, ...]:
 
 
 def program_of(
-    function: Callable[..., Any], structure: Any, kinds: tuple[Kind, ...], options: Options = ()
+    function: Callable[..., Any], structure: Any, kinds: tuple[Kind, ...], options: Options
 ) -> Program:
     """A compiled function, lowered anew only where it has not been kept.
 
