@@ -25,6 +25,8 @@ from optimise._record import (
 # L-BFGS-B knows no scale before its first step, and makes it of length one: in these units.
 _FIRST_STEP = 0.1
 
+_SPENT = "the evaluations allowed are spent"
+
 
 def lbfgs(
     objective: Objective | ValueAndGradient,
@@ -75,7 +77,9 @@ def lbfgs(
             "ftol": 1e-3 * tolerance,
         },
     )
-    return record.result(converged=bool(end.success), reason=str(end.message))
+    # Of L-BFGS-B: 1 is a limit reached.
+    reason = _SPENT if end.status == 1 else str(end.message)
+    return record.result(converged=bool(end.success), reason=reason)
 
 
 def adam(
@@ -186,7 +190,8 @@ def least_squares(
         gtol=tolerance,
     )
     numbers = np.asarray([squares(values) for values in record.values])
-    return record.result(converged=end.status > 0, reason=str(end.message), numbers=numbers)
+    reason = str(end.message) if end.status else _SPENT
+    return record.result(converged=end.status > 0, reason=reason, numbers=numbers)
 
 
 class Limit(NamedTuple):
@@ -284,7 +289,7 @@ def constrained(
         settled, reason = bool(end.success), str(end.message)
         record(end.x)
     except StopIteration:
-        settled, reason = False, "the evaluations allowed are spent"
+        settled, reason = False, _SPENT
     values = np.asarray(record.values)
     excess = excess_of(values[:, 1:], limits)
     worst = np.maximum(excess.max(axis=1), 0.0)

@@ -69,6 +69,12 @@ def test_an_empty_box_is_refused(lower, upper):
 # --- gradient searches
 
 
+def test_a_search_that_may_not_go_on_says_so():
+    result = optimise.lbfgs(_rosenbrock, np.array([-1.2, 1.0]), BOX, most_evaluations=3)
+    assert not result.converged
+    assert result.reason == "the evaluations allowed are spent"
+
+
 @every_gradient
 def test_bowl_inside_the_box(search):
     result = search(_bowl, np.array([-1.5, 1.0]), BOX, most_evaluations=300)
