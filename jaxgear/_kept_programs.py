@@ -77,6 +77,9 @@ USUALLY = (("xla_backend_optimization_level", 1), _PLAIN)
 
 Options = tuple[tuple[str, Any], ...]
 
+# JAX gives no types for its settings.
+_CONFIG: Any = jax.config
+
 
 def called(function: Callable[..., Any], *arguments: Any, options: Options = QUICKLY) -> Any:
     """Call a function of a module, compiled, with numbers and arrays.
@@ -337,9 +340,8 @@ def _path(function: Callable[..., Any], structure: Any, kinds: tuple[Kind, ...])
 
 def _folder() -> Path | None:
     """The folder of JAX's cache, if it is to be used."""
-    config: Any = jax.config
-    folder = config.jax_compilation_cache_dir
-    return Path(folder) if config.jax_enable_compilation_cache and folder else None
+    folder = _CONFIG.jax_compilation_cache_dir
+    return Path(folder) if _CONFIG.jax_enable_compilation_cache and folder else None
 
 
 @functools.cache
@@ -353,8 +355,7 @@ def _surroundings() -> str:
                 source.update(f"{name}/{file.relative_to(root)}\n".encode() + file.read_bytes())
     versions = [importlib.metadata.version(name) for name in _THEIRS]
     settings = [f"{key}={os.environ[key]}" for key in sorted(os.environ) if key[:4] == "JAX_"]
-    config: Any = jax.config
-    backend, x64 = jax.default_backend(), str(config.jax_enable_x64)
+    backend, x64 = jax.default_backend(), str(_CONFIG.jax_enable_x64)
     settings = [each for each in settings if "CACHE" not in each]
     return "\n".join([source.hexdigest(), *versions, *settings, backend, x64])
 
