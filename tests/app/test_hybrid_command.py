@@ -132,6 +132,7 @@ def solved(tmp_path_factory):
 # --- The body under its teeth
 
 
+@pytest.mark.slow
 def test_feet_move_as_the_contact_solution_has_them(solved):
     _, statics, under = solved
     cycle, found = statics.cycle, under.under_mesh(0)
@@ -242,6 +243,7 @@ def test_a_rigid_motion_is_no_deflection(solved):
     np.testing.assert_allclose(left, 0.0, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_answers_are_of_all_phases(solved, tmp_path):
     scene, statics, under = solved
     (answer,) = answered.body_answers(scene.mesh, scene.bodies, statics)

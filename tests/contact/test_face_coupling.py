@@ -160,6 +160,7 @@ def test_cells_are_reciprocal_and_give_way_to_any_load(helix):
     assert np.all(np.linalg.eigvalsh(coupling) > -1e-14 * coupling.max())
 
 
+@pytest.mark.slow
 def test_an_even_load_meets_the_teeth_of_today():
     """On equal faces, without the softer ends: $c$ of the pair and its bodies at each line."""
     pair = _accessory(faces=(9.5, 9.5))

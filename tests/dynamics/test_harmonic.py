@@ -133,6 +133,7 @@ def test_a_transform_over_mesh_periods_does_what_the_matrices_do(averaged):
         assert_near(np.asarray(found), np.asarray(expected), 1e-11)
 
 
+@pytest.mark.slow
 def test_long_cycles_are_iterated_for():
     """Of a thousand and more harmonics, whose matrix would have 0.5 GB."""
     system = cases.two_dof(steps=48)

@@ -93,6 +93,7 @@ def test_multipliers_without_contact_are_those_of_the_modes():
     np.testing.assert_allclose(np.sort_complex(found), np.sort_complex(expected), rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_period_two_and_the_unstable_orbit_between():
     """Near twice the resonance the period-1 orbit looks harmless, and no machine stays on it."""
     system = cases.sdof_parametric(steps=200)

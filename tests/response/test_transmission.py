@@ -148,6 +148,7 @@ def _unmodified() -> tuple[jg.MeshCycle, jax.Array]:
     return cycle, jg.transmission_error(model.pair, cycle)
 
 
+@pytest.mark.slow
 def test_harmonics_of_a_square_wave_on_aligned_phases():
     """TE of an unmodified spur pair: amplitude (delta/2) 2 |sin(pi k (eps - 1))| / (pi k)."""
     cycle, error = _unmodified()

@@ -36,6 +36,7 @@ def _approach(gap: jax.Array, law: jg.AbstractContactLaw) -> jax.Array:
     return jg.contact_state(problem, law, SETTINGS).approach
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "law", quick(1, [jg.ExactContact(), jg.SmoothContact(2e-6)]), ids=["exact", "smooth"]
 )

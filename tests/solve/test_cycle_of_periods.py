@@ -63,6 +63,7 @@ def _single_error(teeth: int, tooth: int, size: float) -> jg.Indexing:
 # --- repetition
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", quick(1, [ACCESSORY, POWER]), ids=["spur", "helical"])
 def test_three_periods_repeat_one(make):
     flanks = symmetric_relief(10 * um, 0.3)

@@ -177,6 +177,7 @@ def test_motions_that_leave_the_flanks_where_they_are(kind, body):
     assert_close(found, np.ones_like(found), rtol=1e-12, atol=0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", quick(1, ["helical", "spur"]))
 def test_seven_coefficients_are_the_motion_of_every_point(kind):
     """n.(u + w x r) by plane vectors at 50 points of the base plane, for random end motions."""
@@ -250,6 +251,7 @@ def _equilibrium(cycle: jg.MeshCycle, kind: str, shafts) -> None:
         first += len(shaft.bearings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("body", quick(1, ["beam", "rigid"]))
 def test_every_shaft_is_in_equilibrium(body):
     """Helical, misaligned, loaded from outside: forces and couples about both bearings' plane."""
