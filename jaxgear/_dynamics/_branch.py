@@ -123,11 +123,11 @@ def correction_at_speed(
     The structure is asked once, not in each of Newton's steps: what it answers depends on the speed
     alone.
     """
-    terms, _ = parted_vector(balance, first)
+    near, _ = parted_vector(balance, first)
     problem, by_speed, responses = _problem_by_speed(balance, first[-1])
-    terms, error, steps = root_of((method.tolerance, MOST_NEWTON), problem, terms)
-    _, matrix = _slopes(balance, problem, by_speed, terms)
-    tangent = jnp.append(-jnp.linalg.solve(matrix[:, :-1], matrix[:, -1]), 1.0)
+    found = lambda problem: root_of((method.tolerance, MOST_NEWTON), problem, near)
+    (terms, error, steps), (moved, *_) = jax.jvp(found, (problem,), (by_speed,))
+    tangent = jnp.append((moved / sizes_of(balance)).reshape(-1), 1.0)
     tangent = tangent / jnp.sqrt(jnp.sum(tangent**2))
     unknowns = joined_vector(balance, terms, jnp.ones(())).at[-1].set(first[-1])
     seen = _seen(balance, problem, responses, terms)

@@ -38,7 +38,7 @@ from jaxgear._dynamics._harmonic_problem import (
 from jaxgear._dynamics._orbit import AbstractMethod, Orbit, mesh_scales
 from jaxgear._dynamics._system import DynamicSystem, ModalBasis, modal_basis
 from jaxgear._dynamics._table import END, MIDDLE, START, Mesh, MeshTable, mesh_at
-from jaxgear._dynamics._types import Responses, Start, StepPlaces, Terms, Vector
+from jaxgear._dynamics._types import Responses, Start, StepPlaces, Terms
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._types import Coordinates, Scalar
 
@@ -133,7 +133,6 @@ class Balance(eqx.Module):
     - `times`: values of the harmonics where contact is evaluated [-].
     - `middle`: values of the harmonics at mid-steps [-].
     - `analysis`: harmonics of what is known at mid-steps [-].
-    - `still`: motion under the constant load alone [m, rad].
     - `scales`: of the mesh coordinates [m, rad].
     - `rest`: harmonics of the quasi-static states [m, rad].
     - `bilinear`: whether time is discretised as by `Midpoint`.
@@ -146,7 +145,6 @@ class Balance(eqx.Module):
     times: tuple[HarmonicValues, ...]
     middle: HarmonicValues
     analysis: HarmonicAnalysis
-    still: Vector
     scales: Coordinates
     rest: Terms
     bilinear: bool = eqx.field(static=True)
@@ -175,10 +173,12 @@ class Balance(eqx.Module):
         if self.bilinear:
             step = 2.0 * jnp.pi / (base * self.middle.shape[0])
             frequency = 2.0 / step * jnp.tan(0.5 * step * frequency)
-        responses = responses_of(system, self.modes, frequency, speed)
-        resting = self.still
-        if system.turning is not None:
-            resting = jnp.linalg.solve(system.stiffness_at(speed), system.load_at(speed))
+        # The mean is real, and found together with what the constant load does.
+        loads = jnp.column_stack([system.vectors, system.load_at(speed)])
+        at_rest = jnp.linalg.solve(system.stiffness_at(speed), loads)
+        mean, resting = at_rest[:, :-1], at_rest[:, -1]
+        waves = responses_of(system, self.modes, frequency[1:], speed)
+        responses = jnp.concatenate([mean[None].astype(complex), waves])
         receptance = jnp.einsum("da,hdb->hab", system.vectors.astype(complex), responses)
         problem = Problem(
             law=self.law,
@@ -287,7 +287,6 @@ def harmonic_balance_problem(method: HarmonicBalance, system: DynamicSystem) -> 
     )
     times = (begin, end) if method.averaged else (middle,)
     parts = (START, MIDDLE, END) if method.averaged else (MIDDLE,)
-    whole = system.whole_stiffness
     return Balance(
         system=system,
         modes=modal_basis(system),
@@ -296,7 +295,6 @@ def harmonic_balance_problem(method: HarmonicBalance, system: DynamicSystem) -> 
         times=times,
         middle=middle,
         analysis=analysis,
-        still=jnp.linalg.solve(whole, system.load),
         scales=mesh_scales(system),
         rest=(analysis @ jnp.tile(system.rest, (method.multiple, 1))).T,
         bilinear=method.bilinear,
