@@ -14,7 +14,7 @@ here is plain NumPy, for what has been solved.
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -155,23 +155,18 @@ def circle_around(angles: np.ndarray, rows: np.ndarray) -> Circle:
     return Circle(number, np.tensordot(fit, rows, axes=1))
 
 
-def _terms(motion: BodyMotion, circle: Circle) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
-    r"""Parts of a circle's motion at one $\lambda$: $\lambda$, its waves around, amplitudes.
+def _terms(motion: BodyMotion, circle: Circle) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    r"""Parts of a circle's motion: $\lambda$ of each, its waves around, and its amplitudes.
 
-    The amplitudes are on the body where the cycle begins, `[harmonic, wave, direction]`.
+    The amplitudes are on the body where the cycle begins, `[harmonic, part, direction]`.
     """
     waves, vectors, own = motion.turned
     flat = circle.rows.reshape(-1, circle.rows.shape[2])
     rows = (flat @ vectors).reshape(circle.rows.shape)
     scale = abs(vectors).T @ np.abs(flat).max(axis=0)
-    shown = (np.abs(rows) > _NOISE * scale).any(axis=1)
-    for wave in np.unique(waves):
-        chosen = waves == wave
-        seen = shown[:, chosen].any(axis=1)
-        if seen.any():
-            part = rows[seen][:, :, chosen]
-            values = own[:, chosen] @ part.reshape(-1, part.shape[2]).T
-            yield int(wave), circle.number[seen], values.reshape(len(own), *part.shape[:2])
+    # Of equal sectors a vector shows in few waves.
+    place, vector = np.nonzero((np.abs(rows) > _NOISE * scale).any(axis=1))
+    return waves[vector], circle.number[place], own[:, vector, None] * rows[place, :, vector]
 
 
 def fixed_spectrum(motion: BodyMotion, circle: Circle, angle: float) -> Spectrum:
@@ -191,12 +186,10 @@ def fixed_spectrum(motion: BodyMotion, circle: Circle, angle: float) -> Spectrum
     Spectrum by orders of the gear's rotation, amplitude along radius, tangent and axis,
     shape `[order, 3]` [m].
     """
-    number, values = [], []
-    for wave, around, own in _terms(motion, circle):
-        where = np.exp(1j * around * (angle - motion.angle))[:, None]
-        number.append(motion.numbers((wave + around)[:, None]).T.ravel())
-        values.append((own * where).reshape(-1, own.shape[2]))
-    return motion.collected(np.concatenate(number), np.concatenate(values))
+    wave, around, own = _terms(motion, circle)
+    where = np.exp(1j * around * (angle - motion.angle))[:, None]
+    number = motion.numbers((wave + around)[:, None]).T.ravel()
+    return motion.collected(number, (own * where).reshape(-1, own.shape[2]))
 
 
 # --- Waves that travel around the body
@@ -287,14 +280,10 @@ def waves_on_body(motion: BodyMotion, circle: Circle) -> Waves:
 
     All waves, by rising order, then diameters.
     """
-    number, diameters, values = [], [], []
-    for wave, around, own in _terms(motion, circle):
-        order = np.broadcast_to(motion.numbers(wave)[:, None], own.shape[:2])
-        lobes = np.broadcast_to(-motion.sense * around, own.shape[:2])
-        number.append(order.ravel())
-        diameters.append(lobes.ravel())
-        values.append(own.reshape(-1, own.shape[2]))
-    order, lobes, amplitude = map(np.concatenate, (number, diameters, values))
+    wave, around, own = _terms(motion, circle)
+    order = motion.numbers(wave[:, None]).T.ravel()
+    lobes = np.broadcast_to(-motion.sense * around, own.shape[:2]).ravel()
+    amplitude = own.reshape(-1, own.shape[2])
     # Of a negative order the same wave is that of the positive order and the other sign.
     back = (order < 0) | ((order == 0) & (lobes < 0))
     amplitude = np.where(back[:, None], amplitude.conj(), amplitude)
