@@ -51,7 +51,8 @@ class Finding:
     def listed(self, column: str, *labels: Any, form: str = ".3g") -> str:
         """Of a column the first value of each label, with commas between."""
         rows = [label if isinstance(label, tuple) else (label,) for label in labels]
-        return ", ".join(format(self.values(column, *row)[0], form) for row in rows)
+        told = ", ".join(format(self.values(column, *row)[0], form) for row in rows)
+        return told.replace("%", " %")
 
 
 def _cell(value: Any) -> str:
