@@ -18,6 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.sparse
 
 from jaxgear._checks import require
 from jaxgear._response._body_motion import RESOLVED, SAME_ORDER, BodyMotion, Spectrum
@@ -164,9 +165,15 @@ def _terms(motion: BodyMotion, circle: Circle) -> tuple[np.ndarray, np.ndarray, 
     flat = circle.rows.reshape(-1, circle.rows.shape[2])
     rows = (flat @ vectors).reshape(circle.rows.shape)
     scale = abs(vectors).T @ np.abs(flat).max(axis=0)
-    # Of equal sectors a vector shows in few waves.
+    # Of equal sectors a vector shows in few waves. Vectors of one phase are one part.
     place, vector = np.nonzero((np.abs(rows) > _NOISE * scale).any(axis=1))
-    return waves[vector], circle.number[place], own[:, vector, None] * rows[place, :, vector]
+    count = len(circle.number)
+    parts, part = np.unique(waves[vector] * count + place, return_inverse=True)
+    size, found = (len(waves), len(parts)), []
+    for direction in range(rows.shape[1]):
+        values = rows[place, direction, vector]
+        found.append(own @ scipy.sparse.csr_array((values, (vector, part)), shape=size))
+    return parts // count, circle.number[parts % count], np.stack(found, axis=2)
 
 
 def fixed_spectrum(motion: BodyMotion, circle: Circle, angle: float) -> Spectrum:
