@@ -36,7 +36,10 @@ def slopes_by_both(balance: Balance, unknowns: Reals) -> tuple[Reals, Reals]:
     """The residual, and its derivative by harmonics and speed: a column more than rows."""
     terms, _ = parted_vector(balance, unknowns)
     problem, by_speed, _ = _problem_by_speed(balance, unknowns[-1])
-    return _slopes(balance, problem, by_speed, terms)
+    residual, matrix = linearised(problem, terms)
+    _, last = jax.jvp(lambda problem: imbalance(problem, terms), (problem,), (by_speed,))
+    columns = matrix * sizes_of(balance).reshape(1, -1)
+    return residual.reshape(-1), jnp.concatenate([columns, last.reshape(-1, 1)], axis=1)
 
 
 def _problem_by_speed(balance: Balance, exponent: Scalar) -> tuple[Problem, Problem, Responses]:
@@ -44,16 +47,6 @@ def _problem_by_speed(balance: Balance, exponent: Scalar) -> tuple[Problem, Prob
     at = lambda exponent: balance.at_speed(jnp.exp(exponent))
     (problem, responses), (by_speed, _) = jax.jvp(at, (exponent,), (jnp.ones(()),))
     return problem, by_speed, responses
-
-
-def _slopes(
-    balance: Balance, problem: Problem, by_speed: Problem, terms: Terms
-) -> tuple[Reals, Reals]:
-    """As `slopes_by_both`, of a balance at a speed."""
-    residual, matrix = linearised(problem, terms)
-    _, last = jax.jvp(lambda problem: imbalance(problem, terms), (problem,), (by_speed,))
-    columns = matrix * sizes_of(balance).reshape(1, -1)
-    return residual.reshape(-1), jnp.concatenate([columns, last.reshape(-1, 1)], axis=1)
 
 
 # A step along the branch that takes more of Newton's steps is too long.

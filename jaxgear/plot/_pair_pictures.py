@@ -76,6 +76,6 @@ def _draw_path(axes: Axes, pair: xr.Dataset) -> None:
         place = foot + roll * along
         axes.plot(*place, "o", ms=5, color="white", mec=GREEN, mew=1.5, zorder=4)
         look = {"va": "center", "weight": "bold", "bbox": BOX, "zorder": 5}
-        # C may be as good as where B or D is, whose names stand on the other side.
-        away = (-14 if name == "C" else 14) * aside
-        write_at(axes, name, place, (away[0], away[1]), **look)
+        # C may lie next to B or D, whose names stand on the other side.
+        away = -14 if name == "C" else 14
+        write_at(axes, name, place, away * aside, **look)

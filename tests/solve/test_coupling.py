@@ -321,7 +321,6 @@ def _number(law: jg.AbstractContactLaw):
     return number
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("law", ["exact", pytest.param("smooth", marks=pytest.mark.slow)])
 def test_derivatives_are_those_of_the_solution(law):
     """Forward, reverse and central differences by each field on its own."""

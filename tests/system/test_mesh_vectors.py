@@ -178,7 +178,7 @@ def test_motions_that_leave_the_flanks_where_they_are(kind, body):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", quick(1, ["helical", "spur"]))
+@pytest.mark.parametrize("kind", ["helical", "spur"])
 def test_seven_coefficients_are_the_motion_of_every_point(kind):
     """n.(u + w x r) by plane vectors at 50 points of the base plane, for random end motions."""
     system, drawing, pair = _systems(kind)["beams"], DRAWINGS[kind], _pair(kind)
@@ -252,7 +252,7 @@ def _equilibrium(cycle: jg.MeshCycle, kind: str, shafts) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("body", quick(1, ["beam", "rigid"]))
+@pytest.mark.parametrize("body", ["beam", "rigid"])
 def test_every_shaft_is_in_equilibrium(body):
     """Helical, misaligned, loaded from outside: forces and couples about both bearings' plane."""
     width = None if body == "rigid" else 44 * mm
