@@ -202,8 +202,8 @@ from ._dynamics._floquet import monodromy as monodromy
 from ._dynamics._floquet import floquet_multipliers as floquet_multipliers
 from ._dynamics._floquet import slow_modes as slow_modes
 from ._dynamics._floquet import SlowModes as SlowModes
-from ._dynamics._sweep import SweepPoint as SweepPoint
-from ._dynamics._sweep import SweepSettings as SweepSettings
+from ._dynamics._sweep_types import SweepPoint as SweepPoint
+from ._dynamics._sweep_types import SweepSettings as SweepSettings
 from ._dynamics._steady_state import steady_state as steady_state
 from ._dynamics._steady_state import steady_states as steady_states
 from ._dynamics._sweep import sweep as sweep

@@ -8,14 +8,13 @@ which none is found keeps its last cycles, and says so.
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from typing import Literal, get_args
+from typing import get_args
 
 import jax.numpy as jnp
 import numpy as np
 
 from jaxgear._checks import require
-from jaxgear._dynamics._floquet import STABLE, leading_multipliers, monodromy, slow_modes
+from jaxgear._dynamics._floquet import leading_multipliers, monodromy, slow_modes
 from jaxgear._dynamics._harmonic import (
     Balance,
     HarmonicBalance,
@@ -28,8 +27,9 @@ from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steady_state import orbit_of
 from jaxgear._dynamics._steppers import Exponential
+from jaxgear._dynamics._sweep_types import Direction, SweepPoint, SweepSettings
 from jaxgear._dynamics._system import DynamicSystem, modal_basis
-from jaxgear._dynamics._types import Start, StepPlaces
+from jaxgear._dynamics._types import Start, StepPlaces, Terms
 from jaxgear._types import Scalar
 
 # Halves of a response over two cycles that differ by less than this, relative to its swing, are
@@ -53,60 +53,6 @@ _STEP, _SLIGHT, _HALVINGS, _HALVINGS_OF_LONG = 0.3, 0.01, 5, 2
 
 # It also counts if a march of several times the length has come closer to it by this factor.
 _APPROACH = 0.8
-Direction = Literal["up", "down", "cold"]
-
-
-@dataclass(frozen=True)
-class SweepPoint:
-    """The response at one speed of a sweep.
-
-    `multiple` is the number of cycles that `orbit` covers; it repeats after these if it has
-    settled. `multipliers` are the largest of Floquet's; a march has none, for what it settles on is
-    stable.
-    """
-
-    orbit: Orbit
-    multiple: int
-    multipliers: np.ndarray
-
-    @property
-    def settled(self) -> bool:
-        """Whether the response repeats."""
-        return bool(self.orbit.settled)
-
-    @property
-    def stable(self) -> bool:
-        """Whether it has settled, and a machine stays on it."""
-        return self.settled and bool(np.abs(self.multipliers).max(initial=0.0) <= STABLE)
-
-
-@dataclass(frozen=True)
-class SweepSettings:
-    """How a sweep goes about it.
-
-    `method` is that of the whole sweep, and has its contact law. With harmonic balance, what its
-    Newton's method cannot follow is looked for by `shooting`, after `cycles` of time stepping from
-    the last motion; a speed without a periodic response keeps the last `kept` of them.
-    """
-
-    method: HarmonicBalance | Shooting | TimeStepping = field(default_factory=HarmonicBalance)
-    shooting: Shooting = field(default_factory=lambda: Shooting(warm_up=0, most_steps=10))
-    cycles: int = 100
-    kept: int = 10
-
-    def __post_init__(self):
-        require(
-            self.cycles >= 1 and self.kept >= 1,
-            "`SweepSettings.cycles` and `kept` must be at least 1, got {cycles} and {kept}.",
-            cycles=self.cycles,
-            kept=self.kept,
-        )
-        require(
-            self.method.multiple == 1,
-            "A sweep finds by itself after how many cycles a response repeats: leave `multiple` of "
-            "its method at 1, got {got}.",
-            got=self.method.multiple,
-        )
 
 
 def sweep(
@@ -211,8 +157,26 @@ class Finder:
         step = self._halved if self.far and last.settled else self._followed
         long = is_long(self._balance(1).rest.size)
         found = step(speed, last, _HALVINGS_OF_LONG if long else _HALVINGS)
-        self.far = not self._near(found, last)
+        self.far = not self._near(found, last.orbit.place)
         return found
+
+    def beside(self, speed: Scalar, terms: Terms) -> SweepPoint | None:
+        """The stable response close to one over a cycle that is guessed, if there is one.
+
+        **Arguments:**
+
+        - `speed`: of the pinion [rad/s].
+        - `terms`: harmonics of the mesh coordinates, as of `fourier_coefficients` [m, rad].
+        """
+        found = self._alone(self.harmonic.solve(self._balance(1), speed, terms)[0])
+        if not self.is_beside(found, terms):
+            return None
+        found = self._judged(found)
+        return found if found.stable else None
+
+    def is_beside(self, point: SweepPoint, terms: Terms) -> bool:
+        """Whether a response is close to one over a cycle with these harmonics."""
+        return self._near(point, self._balance(1).middle @ terms.T)
 
     def _followed(self, speed: Scalar, last: SweepPoint, halvings: int) -> SweepPoint:
         """The response at a speed that follows one close by, in smaller steps where it is lost."""
@@ -220,7 +184,7 @@ class Finder:
             # What does not repeat is not left for a response that does, unless it ends there.
             return self._searched(self.shooting, speed, last.orbit.start)
         found = self._balanced(speed, last.multiple, last.orbit.place)
-        near = self._near(found, last)
+        near = self._near(found, last.orbit.place)
         if halvings > 0 and not near:
             return self._halved(speed, last, halvings)
         found = self._judged(found)
@@ -228,12 +192,12 @@ class Finder:
             return found
         return self._left(found, speed, last.orbit.start)
 
-    def _near(self, found: SweepPoint, last: SweepPoint) -> bool:
-        """Whether a response has settled within one step of the last one.
+    def _near(self, found: SweepPoint, last: StepPlaces) -> bool:
+        """Whether a response has settled within one step of mesh coordinates.
 
         About their means: bodies that grow with speed move these, within one branch.
         """
-        new, old = (approach - approach.mean() for approach in _last(found, last.orbit))
+        new, old = (approach - approach.mean() for approach in _last(found, last))
         step = max(_STEP * np.ptp(old), _SLIGHT * self.deflection)
         return found.settled and bool(np.abs(new - old).max() <= step)
 
@@ -373,16 +337,16 @@ def _apart(point: SweepPoint | None, other: Orbit | TimeHistory) -> float:
 
 def _moved(point: SweepPoint, other: Orbit | TimeHistory) -> float:
     """How far a response lies from the last cycles of a motion, over its swing [-]."""
-    own, last = _last(point, other)
+    own, last = _last(point, other.place)
     return float(np.abs(own - last).max() / np.ptp(last))
 
 
-def _last(point: SweepPoint, other: Orbit | TimeHistory) -> tuple[np.ndarray, np.ndarray]:
+def _last(point: SweepPoint, other: StepPlaces) -> tuple[np.ndarray, np.ndarray]:
     """Approach of a response, and of a motion in its last cycles, equally long [m]."""
     own = point.orbit.place
-    steps = max(own.shape[0], min(other.place.shape[0], 2 * own.shape[0]))
+    steps = max(own.shape[0], min(other.shape[0], 2 * own.shape[0]))
     last = lambda place: np.resize(np.asarray(place)[-steps:, 0], steps)
-    return last(own), last(other.place)
+    return last(own), last(other)
 
 
 def _over_cycles(method, multiple: int):

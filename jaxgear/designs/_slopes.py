@@ -22,7 +22,7 @@ from jaxgear._dynamics._harmonic import (
     harmonic_balance_problem,
 )
 from jaxgear._dynamics._modes import Modes, critical_speeds, pair_modes
-from jaxgear._dynamics._sweep import Direction, SweepPoint
+from jaxgear._dynamics._sweep_types import Direction, SweepPoint
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._response._measured import measured
 from jaxgear._system._model import PairModel

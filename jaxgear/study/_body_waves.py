@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxgear._dynamics._orbit import Orbit
-from jaxgear._dynamics._sweep import Direction, SweepPoint
+from jaxgear._dynamics._sweep_types import Direction, SweepPoint
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._response._body_motion import body_motion, start_angle

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from jaxgear._checks import InputError
-from jaxgear._dynamics._sweep import Direction, SweepPoint
+from jaxgear._dynamics._sweep_types import Direction, SweepPoint
 from jaxgear._response._sweep_features import FEW, leaps, prominent
 from jaxgear.scene._build import law_of
 from jaxgear.scene._gear_tables import GearKeys

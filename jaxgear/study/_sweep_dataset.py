@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from jaxgear._dynamics._sweep import Direction
+from jaxgear._dynamics._sweep_types import Direction
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._response._sweep_features import WAYS
 from jaxgear._response._transmission import transmission_error

@@ -14,8 +14,10 @@ import numpy as np
 
 from jaxgear._dynamics._continuation import Curve, continuation
 from jaxgear._dynamics._harmonic import HarmonicBalance
-from jaxgear._dynamics._sweep import Direction, Finder, SweepPoint
+from jaxgear._dynamics._sweep import Finder
+from jaxgear._dynamics._sweep_types import Direction, SweepPoint
 from jaxgear._dynamics._system import PairDynamics
+from jaxgear._dynamics._types import Terms
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._response._measured import Measured, measured
 from jaxgear.scene._tables import SweepKeys
@@ -96,15 +98,7 @@ def swept(
     last = None
     for speed in speeds[::-1] if direction == "down" else speeds:
         point = finder.next(jnp.asarray(float(speed)), last)
-        influences = moving.statics.influences
-        numbers = jax.device_get(measured(dynamics, point.orbit, law, asked.orders, influences))
-        found.append(_response(point, float(speed), numbers, dynamics.system.table.periods))
-        if not found[-1].is_finite:
-            raise SolverFailure(
-                f"the response at {speed:.6g} rad/s is not a finite number. Raise sweep.steps, "
-                f'write sweep.method = "{"shooting" if asked.method == "newmark" else "newmark"}", '
-                "or leave this speed out."
-            )
+        found.append(_response(law, asked, moving, point))
         if watch is not None:
             watch(direction, point, found[-1].dynamic_ratio)
         last = None if direction == "cold" else point
@@ -112,17 +106,99 @@ def swept(
     return tuple(found[::-1] if direction == "down" else found)
 
 
-def _response(point: SweepPoint, speed: float, numbers: Measured, periods: int) -> Response:
+_BOTH: tuple[Direction, Direction] = ("up", "down")
+
+
+def swept_along(
+    law: AbstractContactLaw,
+    asked: SweepKeys,
+    moving: Dynamics,
+    curve: Curve,
+    speeds: np.ndarray,
+    done: Callable[[int], None],
+    watch: Watch | None = None,
+) -> tuple[Response, ...] | None:
+    """Sweep in both directions at once, over rising speeds [rad/s].
+
+    A machine stays on a stable branch without folds, so both directions show the same if both begin
+    on it. Each response is looked for from its neighbours on the branch: next to no work, where
+    from the last speed resonances lie between.
+
+    **Returns:**
+
+    The responses, or `None` where one of them is not on the branch.
+    """
+    finder = Finder(moving.pair.system, settings_of(law, asked, size_of(moving.pair)))
+    terms = _interpolated(curve, speeds)
+    # As a machine would come to them from rest.
+    last = len(speeds) - 1
+    ends = {place: finder.next(jnp.asarray(float(speeds[place])), None) for place in (0, last)}
+    if not all(finder.is_beside(point, terms[place]) for place, point in ends.items()):
+        return None
+    found: list[Response] = []
+    for place, speed in enumerate(speeds):
+        point = ends.get(place) or finder.beside(jnp.asarray(float(speed)), terms[place])
+        if point is None:
+            done(-2 * len(found))
+            return None
+        found.append(_response(law, asked, moving, point))
+        for way in _BOTH:
+            if watch is not None:
+                watch(way, point, found[-1].dynamic_ratio)
+        done(2)
+    return tuple(found)
+
+
+def _interpolated(curve: Curve, speeds: np.ndarray) -> list[Terms]:
+    """Harmonics of the mesh coordinates on a branch of rising speeds, of each speed [m, rad]."""
+    columns = curve.terms.reshape(len(curve.speed), -1).T
+    found = [np.interp(np.log(speeds), np.log(curve.speed), column) for column in columns]
+    shape = curve.terms.shape[1:]
+    return [jnp.asarray(values.reshape(shape)) for values in np.stack(found, axis=1)]
+
+
+def is_plain(curves: tuple[Curve, ...]) -> bool:
+    """Whether a branch that was followed from the lowest speed to the highest is one, and stable.
+
+    Then nothing makes a machine leave it.
+    """
+    return len(curves) == 1 and all(
+        piece.ends == ("began", "left")
+        and not (piece.folds or piece.doublings or piece.tori)
+        and bool(np.all(piece.stable) and np.all(np.diff(piece.speed) > 0.0))
+        for piece in curves
+    )
+
+
+def _response(
+    law: AbstractContactLaw, asked: SweepKeys, moving: Dynamics, point: SweepPoint
+) -> Response:
+    """What is kept of a response.
+
+    **Raises:**
+
+    - `SolverFailure` if it is not a finite number.
+    """
+    dynamics, speed = moving.pair, float(point.orbit.speed)
+    influences = moving.statics.influences
+    numbers = jax.device_get(measured(dynamics, point.orbit, law, asked.orders, influences))
     sizes = np.abs(point.multipliers)
-    return Response(
+    found = Response(
         speed=speed,
         settled=point.settled,
         stable=point.stable,
-        periods=point.multiple * periods,
+        periods=point.multiple * dynamics.system.table.periods,
         residual=float(point.orbit.residual),
         multiplier=float(sizes.max()) if sizes.size else None,
         numbers=numbers,
     )
+    if not found.is_finite:
+        raise SolverFailure(
+            f"the response at {speed:.6g} rad/s is not a finite number. Raise sweep.steps, "
+            f'write sweep.method = "{"shooting" if asked.method == "newmark" else "newmark"}", '
+            "or leave this speed out."
+        )
+    return found
 
 
 @dataclasses.dataclass(frozen=True)
@@ -198,15 +274,7 @@ def sweep_of(
     """Sweep a pair in all directions that are asked for, and follow its branch."""
     dynamics = moving.pair
     speeds, seconds = speeds_of(asked), {}
-    followed = is_followed(asked, size_of(dynamics))
     method = settings_of(law, asked, size_of(dynamics)).method
-    responses: dict[Direction, tuple[Response, ...]] = {}
-    stopped = False
-
-    def going_on(count: int) -> None:
-        del count
-        if stopped:
-            raise InterruptedError
 
     def clocked(name: str, work: Callable[[], Any]) -> Any:
         start = time.perf_counter()
@@ -214,25 +282,52 @@ def sweep_of(
         seconds[name] = time.perf_counter() - start
         return found
 
-    follow = None
-    if followed and isinstance(method, HarmonicBalance) and len(speeds) > 1:
-        follow = functools.partial(branches, method, dynamics, speeds, going_on)
-    # Most of the time goes into compiling, and both have programs of their own. Not with condensed
-    # bodies: two programs with products of matrices of some hundred rows, side by side on two
-    # cores, wait for each other's threads for ever (XLA for CPU, jaxlib 0.10).
+    def by_directions() -> dict[Direction, tuple[Response, ...]]:
+        one = functools.partial(swept, law, asked, moving, speeds)
+        ways = directions_of(asked)
+        return {way: clocked(way, functools.partial(one, way, done, watch)) for way in ways}
+
+    followed = is_followed(asked, size_of(dynamics)) and len(speeds) > 1
+    if not (followed and isinstance(method, HarmonicBalance)):
+        return Sweep(speeds, by_directions(), (), seconds)
+
+    def follow(done: Callable[[int], None] = lambda count: None) -> tuple[Curve, ...]:
+        return clocked("continuation", lambda: branches(method, dynamics, speeds, done))
+
+    if not dynamics.bodies:
+        curves, responses = _side_by_side(follow, by_directions)
+        return Sweep(speeds, responses, curves, seconds)
+    # Not side by side: two programs with products of matrices of some hundred rows, on two cores,
+    # wait for each other's threads for ever (XLA for CPU, jaxlib 0.10).
+    curves, both = follow(), None
+    if asked.direction == "both" and is_plain(curves):
+        along = functools.partial(swept_along, law, asked, moving, curves[0], speeds)
+        both = clocked("up and down", lambda: along(done, watch))
+    responses = by_directions() if both is None else dict.fromkeys(_BOTH, both)
+    return Sweep(speeds, responses, curves, seconds)
+
+
+def _side_by_side(
+    follow: Callable[[Callable[[int], None]], tuple[Curve, ...]],
+    by_directions: Callable[[], dict[Direction, tuple[Response, ...]]],
+) -> tuple[tuple[Curve, ...], dict[Direction, tuple[Response, ...]]]:
+    """The branch, and the responses in each direction.
+
+    Most of the time goes into compiling, and both have programs of their own.
+    """
+    stopped = False
+
+    def going_on(count: int) -> None:
+        del count
+        if stopped:
+            raise InterruptedError
+
     with concurrent.futures.ThreadPoolExecutor(1) as pool:
-        curves: concurrent.futures.Future[Any] | None = None
-        if follow is not None and not dynamics.bodies:
-            curves = pool.submit(contextvars.copy_context().run, clocked, "continuation", follow)
+        context = contextvars.copy_context()
+        curves = pool.submit(lambda: context.run(follow, going_on))
         try:
-            for way in directions_of(asked):
-                one = functools.partial(swept, law, asked, moving, speeds, way, done, watch)
-                responses[way] = clocked(way, one)
+            responses = by_directions()
         except BaseException:
             stopped = True
             raise
-    if curves is not None:
-        found = curves.result()
-    else:
-        found = clocked("continuation", follow) if follow is not None else ()
-    return Sweep(speeds, responses, found, seconds)
+    return curves.result(), responses

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from jaxgear._dynamics._orbit import Orbit
-from jaxgear._dynamics._sweep import Direction, SweepPoint
+from jaxgear._dynamics._sweep_types import Direction, SweepPoint
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._response._gauges import GaugeInfluences, moving_gauge_readings

@@ -30,7 +30,7 @@ from jaxgear.study import _dynamics, _sweep
 from jaxgear.study._built import BuiltScene
 from jaxgear.study._sweep_dataset import sweep_dataset
 from jaxgear.study._sweep_notes import sweep_notes
-from jaxgear.study._sweeping import Sweep, swept
+from jaxgear.study._sweeping import Sweep, branches, is_plain, swept, swept_along
 
 _SPUR = """schema = 1
 name = "spur"
@@ -146,6 +146,34 @@ def test_marching_agrees_with_harmonic_balance(both, folder):
     assert [response.periods for response in found] == [1, 1]
     ratio = [float(response.numbers.dynamic_ratio) for response in found]
     assert ratio == pytest.approx(summary["sweep"]["dynamic_ratio_up"][:2], rel=0.02)
+
+
+@pytest.mark.slow
+def test_along_a_stable_branch_both_directions_are_found_at_once(both, folder):
+    scene, dynamics = read_scene(folder / "spur.toml"), both[2]
+    law, none = law_of(scene.mesh), lambda _: None
+    method = _dynamics.settings_of(law, scene.sweep, _dynamics.size_of(dynamics.pair)).method
+    assert isinstance(method, HarmonicBalance)
+    speeds, seen, told = np.asarray([1500.0, 1700.0, 2000.0]), [], []
+    curves = branches(method, dynamics.pair, speeds, none)
+    assert is_plain(curves)
+    found = swept_along(
+        law, scene.sweep, dynamics, curves[0], speeds, told.append, lambda *own: seen.append(own)
+    )
+    assert sum(told) == len(seen) == 6
+    assert found is not None
+    for way in ("up", "down"):
+        expected = swept(law, scene.sweep, dynamics, speeds, way, none)
+        for one, other in zip(found, expected, strict=True):
+            assert one.dynamic_ratio == pytest.approx(other.dynamic_ratio, rel=1e-9)
+            assert one.multiplier == pytest.approx(other.multiplier, rel=1e-6)
+        assert [own[1].orbit.speed for own in seen if own[0] == way] == speeds.tolist()
+    # Round its folds it is not alone, and a branch that is not there is not taken.
+    wide = branches(method, dynamics.pair, np.asarray([1500.0, 2230.0]), none)
+    assert not is_plain(wide)
+    off = eqx.tree_at(lambda curve: curve.terms, curves[0], 3.0 * curves[0].terms)
+    assert swept_along(law, scene.sweep, dynamics, off, speeds, told.append) is None
+    assert sum(told) == 6
 
 
 @pytest.mark.slow

@@ -10,11 +10,16 @@ from dynamics import cases
 from helpers import quick
 
 from jaxgear._dynamics import _harmonic_problem
-from jaxgear._dynamics._harmonic import HarmonicBalance
+from jaxgear._dynamics._harmonic import (
+    HarmonicBalance,
+    fourier_coefficients,
+    harmonic_balance_problem,
+)
 from jaxgear._dynamics._march import TimeStepping
 from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steppers import Exponential
-from jaxgear._dynamics._sweep import Direction, Finder, SweepSettings, sweep
+from jaxgear._dynamics._sweep import Finder, sweep
+from jaxgear._dynamics._sweep_types import Direction, SweepSettings
 from jaxgear._response._dynamic import dynamic_ratio
 
 SPEEDS = [0.5, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 1.5, 1.8, 1.9, 2.0, 2.1, 2.3]
@@ -99,10 +104,8 @@ def test_a_step_is_judged_by_the_vibration():
         """Whether a vibration of so many static deflections is followed by such a one."""
         shape = np.asarray(last.orbit.place) - np.asarray(last.orbit.place).mean(axis=0)
         shape = shape * swing / np.ptp(shape)
-        at = lambda place: dataclasses.replace(
-            last, orbit=dataclasses.replace(last.orbit, place=jnp.asarray(place))
-        )
-        return finder._near(at(stretched * shape + moved), at(shape))
+        orbit = dataclasses.replace(last.orbit, place=jnp.asarray(stretched * shape + moved))
+        return finder._near(dataclasses.replace(last, orbit=orbit), jnp.asarray(shape))
 
     assert finder.deflection == pytest.approx(1.0)
     assert near(1.2, 0.0)
@@ -120,6 +123,31 @@ def test_the_way_to_a_speed_is_halved_less_often_over_a_long_cycle(monkeypatch):
     monkeypatch.setattr(_harmonic_problem, "MOST_AT_ONCE", 0)
     finder.next(jnp.asarray(2.2), last)
     assert often == [5, 2]
+
+
+def test_a_response_is_found_beside_one_that_is_guessed():
+    """Close to its own harmonics the same is found; far away none, nor where it is unstable."""
+    finder = Finder(cases.sdof_parametric(steps=200), METHODS["harmonic"])
+    speed = jnp.asarray(2.3)
+    alone = finder.next(speed, None)
+    method = HarmonicBalance(harmonics=24)
+    balance = harmonic_balance_problem(method, finder.system)
+    terms = fourier_coefficients(balance, alone.orbit.place)
+    found = finder.beside(speed, 1.02 * terms)
+    assert found is not None
+    assert found.stable
+    assert found.multipliers.size
+    np.testing.assert_allclose(found.orbit.place, alone.orbit.place, rtol=1e-9)
+    assert finder.is_beside(alone, terms)
+    # Three times the vibration, with the same mean.
+    far = terms.at[:, 1:].multiply(3.0)
+    assert not finder.is_beside(alone, far)
+    assert finder.beside(speed, far) is None
+    # At 2.0 a machine leaves the response over one cycle for one over two.
+    speed = jnp.asarray(2.0)
+    orbit, left = method.solve(balance, speed, balance.rest)
+    assert bool(orbit.settled)
+    assert finder.beside(speed, left) is None
 
 
 def _ratios(system, speeds, direction) -> list[float]:

@@ -46,7 +46,8 @@ from jaxgear._dynamics._steppers import (
     Midpoint,
     Newmark,
 )
-from jaxgear._dynamics._sweep import Direction, SweepPoint, sweep
+from jaxgear._dynamics._sweep import sweep
+from jaxgear._dynamics._sweep_types import Direction, SweepPoint
 from jaxgear._dynamics._system import DynamicSystem, modal_basis
 from jaxgear._dynamics._table import Mesh, MeshTable
 from jaxgear._interface._laws import ExactContact, SmoothContact
