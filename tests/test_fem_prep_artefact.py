@@ -416,6 +416,7 @@ def test_equal_sectors_are_kept_once_and_come_back_to_the_last_digit(tmp_path, h
     assert content_hash(found) == digest
 
 
+@pytest.mark.slow
 def test_a_body_is_evened_by_no_more_than_rounding(monkeypatch):
     body = _of_sectors()
     monkeypatch.setattr(_condense, "evened", lambda body: body)

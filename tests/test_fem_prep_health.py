@@ -145,6 +145,7 @@ def test_a_deviation_is_that_from_what_is_given():
     assert found["centre_of_mass_deviation_mm"] == pytest.approx(2.0)
 
 
+@pytest.mark.slow
 def test_the_wheel_weighs_what_its_grid_and_its_solid_do(wheel20, reported):
     full, _ = wheel20
     exact = exact_properties(WHEEL)
@@ -259,6 +260,7 @@ def test_frequencies_already_known_are_not_sought(wheel20, reported):
 # --- On springs
 
 
+@pytest.mark.slow
 @both
 def test_frequencies_on_springs_are_those_of_the_full_matrices(averaging):
     full, reduced, found = condensed(averaging)

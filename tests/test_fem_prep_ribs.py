@@ -78,6 +78,7 @@ def _give(ribbed, seat: str) -> float:
     return float((row @ held.loaded(row.T.toarray())).item())
 
 
+@pytest.mark.slow
 def test_disc_is_the_ring_and_a_thin_web_gives_more():
     disc, ring = (_give(each, "seat:bore") for each in ribbed_grids(DISC, COARSE, GEAR))
     assert abs(disc / ring - 1.0) < 0.01

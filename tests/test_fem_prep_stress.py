@@ -54,7 +54,7 @@ def test_equivalent_stress_by_hand():
     np.testing.assert_allclose(von_mises(cases), [5.0, 2.0 * np.sqrt(3.0), 0.0], atol=1e-12)
 
 
-@pytest.mark.parametrize("method", quick(2, ["guyan", "herting"]))
+@pytest.mark.parametrize("method", quick(1, ["herting", "guyan"]))
 @pytest.mark.parametrize("seats", ["ring", "both"])
 def test_stress_of_a_loaded_turning_body_is_that_of_the_full_one(seats, method):
     full = wheel_body(small_wheel(), seats)

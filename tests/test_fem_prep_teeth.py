@@ -132,6 +132,7 @@ def _symmetric(teeth: ToothElements) -> np.ndarray:
     return own.reshape(own.shape[0] * own.shape[1], -1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", quick(1, ["spur", "helical"]))
 def test_teeth_obey_reciprocity_and_are_positive(kind, request):
     """Loads on one tooth move the next as the other way round, and no load does negative work."""
@@ -161,6 +162,7 @@ def test_teeth_beyond_those_in_mesh_hardly_matter(spur):
     np.testing.assert_allclose(even[0], even[1], rtol=0.02)
 
 
+@pytest.mark.slow
 def test_helical_teeth_become_spur_ones(spur):
     slight = dataclasses.replace(PINION, helix_angle=1e-7)
     other = condense_teeth(slight, STEEL, 2, sizing=COARSE)

@@ -132,6 +132,7 @@ def solid():
     return full_body("solid", grid, STEEL, [seat], probes=probes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("sectors", "averaging"), quick(1, [(6, False), (3, True), (2, False)]))
 def test_a_solid_body_sector_by_sector(sectors, averaging):
     """Points on the axis belong to all sectors: waves of none and of one move them."""
@@ -166,6 +167,7 @@ def test_a_held_body_answers_to_any_load():
     assert_near(found, want, 1e-11)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["herting", "craig-bampton"])
 def test_a_body_that_is_held_already_is_not_held_again(method):
     full = wheel("ring")

@@ -116,23 +116,3 @@ def _imported() -> set[str]:
             elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
                 names.add(node.module.partition(".")[0])
     return names - sys.stdlib_module_names - PACKAGES
-
-
-# Modules of Python's own library that Windows lacks.
-_POSIX = {"fcntl", "grp", "pwd", "pty", "readline", "resource", "syslog", "termios", "tty"}
-
-
-def test_what_windows_lacks_is_imported_where_it_may_fail():
-    for path in (path for path in _shipped() if path.endswith(".py")):
-        tree = ast.parse((ROOT / path).read_bytes())
-        guarded = {
-            id(inner)
-            for node in ast.walk(tree)
-            if isinstance(node, ast.Try)
-            for handler in node.handlers
-            if isinstance(handler.type, ast.Name) and handler.type.id == "ImportError"
-            for inner in ast.walk(ast.Module(node.body, []))
-        }
-        for node in ast.walk(tree):
-            names = {alias.name for alias in node.names} if isinstance(node, ast.Import) else set()
-            assert not names & _POSIX or id(node) in guarded, f"{path}: {names}"

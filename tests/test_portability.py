@@ -2,7 +2,7 @@
 
 import ast
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -13,7 +13,9 @@ _FILES = sorted(
     for package in ("jaxgear", "fem_prep", "optimise")
     for path in (_ROOT / package).rglob("*.py")
 )
-_POSIX_MODULES = {"fcntl", "grp", "posix", "pty", "pwd", "resource", "syslog", "termios", "tty"}
+_POSIX_MODULES = {
+    *("fcntl", "grp", "posix", "pty", "pwd", "readline", "resource", "syslog", "termios", "tty"),
+}
 _POSIX_OF_OS = {
     *("O_DIRECTORY", "O_NOFOLLOW", "chown", "fork", "getegid", "geteuid", "getgid", "getloadavg"),
     *("getuid", "killpg", "mkfifo", "nice", "openpty", "sched_getaffinity", "setsid", "statvfs"),
@@ -51,19 +53,25 @@ def _without_encoding(call: ast.Call) -> bool:
     return not (isinstance(mode, ast.Constant) and "b" in str(mode.value))
 
 
-def _of_posix_only(tree: ast.AST) -> Iterator[tuple[str, int]]:
+def _of_posix_only(nodes: Sequence[ast.AST]) -> list[tuple[str, int]]:
     """Modules and functions that Windows lacks, where nothing asks first whether they are there."""
-    guarded = {id(inner) for each in ast.walk(tree) if _is_guard(each) for inner in ast.walk(each)}
-    for each in ast.walk(tree):
-        if id(each) in guarded:
-            continue
-        if isinstance(each, ast.Import):
-            yield from ((x.name, each.lineno) for x in each.names if x.name in _POSIX_MODULES)
-        if isinstance(each, ast.ImportFrom) and each.module in _POSIX_MODULES:
-            yield each.module, each.lineno
-        if isinstance(each, ast.Attribute) and each.attr in _POSIX_OF_OS:
-            if isinstance(each.value, ast.Name) and each.value.id == "os":
-                yield f"os.{each.attr}", each.lineno
+    found = [(each, name) for each in nodes for name in _posix_names(each)]
+    # Few files have any, and guards take long to find.
+    guards = [each for each in nodes if _is_guard(each)] if found else []
+    guarded = {id(inner) for each in guards for inner in ast.walk(each)}
+    return [(name, each.lineno) for each, name in found if id(each) not in guarded]
+
+
+def _posix_names(each: ast.AST) -> list[str]:
+    match each:
+        case ast.Import(names):
+            return [x.name for x in names if x.name in _POSIX_MODULES]
+        case ast.ImportFrom(module) if module in _POSIX_MODULES:
+            return [module]
+        case ast.Attribute(ast.Name("os"), attr) if attr in _POSIX_OF_OS:
+            return [f"os.{attr}"]
+        case _:
+            return []
 
 
 def _is_guard(each: ast.AST) -> bool:
@@ -89,10 +97,10 @@ def _is_guard(each: ast.AST) -> bool:
 
 @pytest.mark.parametrize("path", _FILES, ids=lambda path: str(path.relative_to(_ROOT)))
 def test_text_has_an_encoding_and_nothing_is_of_posix_only(path):
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    calls = [each for each in ast.walk(tree) if isinstance(each, ast.Call)]
+    nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    calls = [each for each in nodes if isinstance(each, ast.Call)]
     assert [each.lineno for each in calls if _without_encoding(each)] == []
-    assert list(_of_posix_only(tree)) == []
+    assert _of_posix_only(nodes) == []
 
 
 @pytest.mark.parametrize(
@@ -115,9 +123,9 @@ def test_text_has_an_encoding_and_nothing_is_of_posix_only(path):
     ],
 )
 def test_the_search_finds_what_it_is_for(code, found):
-    tree = ast.parse(code)
-    calls = [each for each in ast.walk(tree) if isinstance(each, ast.Call)]
-    assert (sum(map(_without_encoding, calls)), len(list(_of_posix_only(tree)))) == found
+    nodes = list(ast.walk(ast.parse(code)))
+    calls = [each for each in nodes if isinstance(each, ast.Call)]
+    assert (sum(map(_without_encoding, calls)), len(_of_posix_only(nodes))) == found
 
 
 def test_names_of_files_can_be_on_any_system():

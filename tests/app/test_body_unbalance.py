@@ -33,6 +33,7 @@ def test_even_bodies_have_no_unbalance(holes, further):
     assert mass_properties(None, body, None)["unbalance_g_mm"] < 1e-9
 
 
+@pytest.mark.slow
 def test_one_hole_unbalances_a_body_which_is_refused_in_motion():
     """By what is missing of the web, a sector of a ring 3 mm thick: rho t (R^3 - r^3) 2 sin(a) / 3.
 

@@ -82,6 +82,7 @@ def test_what_points_along_t_and_turns_about_s_and_z_is_the_other_way_round(heli
         assert own.attrs == other.attrs
 
 
+@pytest.mark.slow
 def test_bearings_carry_what_statics_by_hand_says(helical):
     facts = helical.summary["geometry"]
     tangential = 60.0 / (1e-3 * facts["working_pitch_radius_pinion_mm"])

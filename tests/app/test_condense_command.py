@@ -335,6 +335,7 @@ def test_teeth_weigh_what_their_outline_encloses(write):
 # --- Bodies
 
 
+@pytest.mark.slow
 def test_a_rigidified_body_has_its_mass_and_not_its_frequencies(write):
     """Frequencies grow with the root of Young's modulus; the material of the gear stays."""
     path = write(_PAIR + _BODY)
@@ -419,6 +420,7 @@ def test_a_grid_of_one_s_own_is_the_body_it_was_written_from(write, tmp_path):
         _built(write(_PAIR + metres))
 
 
+@pytest.mark.slow
 def test_equal_inputs_give_equal_bodies(write, monkeypatch):
     path = write(_PAIR + _BODY)
     monkeypatch.setenv("JAXGEAR_CACHE", "off")

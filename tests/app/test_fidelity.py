@@ -296,6 +296,7 @@ def _scaled(factor):
     return Answers(values.at[1, 1].add(0.2 * (factor - 1.0)), jnp.ones(2))
 
 
+@pytest.mark.slow
 def test_levels_are_solved_measured_chosen_and_drawn(monkeypatch):
     """2 nm of next to no RMS are one per cent of a hundredth of the mesh's 20 um."""
     # How long a level takes is not asked here.

@@ -57,6 +57,7 @@ def _modes(tmp_path, text, *changes, pictures=True) -> dict:
     return json.loads((out / "modes" / "summary.json").read_text())
 
 
+@pytest.mark.slow
 def test_two_discs_swing_at_the_frequency_of_their_mesh(tmp_path, capsys):
     """omega^2 = k (r_b1^2/I_1 + r_b2^2/I_2); no damping is no mistake here."""
     changes = "damping.mesh=0.0", "damping.structure=0.0", "mesh.stiffness=constant"

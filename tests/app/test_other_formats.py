@@ -37,6 +37,7 @@ def test_map_gives_the_cycle_back(mapped):
     assert_close(force, np.full(8, 61.7 / found.base_radius[0]), rtol=2e-3, atol=0.0)
 
 
+@pytest.mark.slow
 def test_map_is_a_spring_without_tension(mapped):
     """It grows with the approach, is nothing where the flanks part, and repeats itself."""
     _, found = mapped

@@ -401,7 +401,7 @@ _FLANKS = (
 
 
 @pytest.mark.parametrize("form", quick(1, ["rexs", "rexsj", "rexsz"]))
-@pytest.mark.parametrize("name", ready_names())
+@pytest.mark.parametrize("name", quick(3, ready_names()))
 def test_ready_scenes_come_back(tmp_path, capsys, name, form):
     """All of a pair, its flanks and shafts but for their loads; of reliefs without depth their
     extents too."""

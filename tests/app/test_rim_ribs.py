@@ -46,6 +46,7 @@ def found(scene) -> np.ndarray:
     return found
 
 
+@pytest.mark.slow
 def test_ribs_take_from_what_a_webbed_rim_gives_and_are_reciprocal(found):
     lines, size = found.shape[:2]
     matrix = found.reshape(lines * size, -1)

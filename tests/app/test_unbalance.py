@@ -102,6 +102,7 @@ def rotors(scene_of):
     return shaken(built_scene(scene), pair)
 
 
+@pytest.mark.slow
 def test_a_scene_whirls_as_jeffcott_says(rotors):
     """A disc amid a shaft: bearings carry half of u w^2 / (1 - w^2 m/k), 1/k = 1/2k_b + 1/k_s.
 

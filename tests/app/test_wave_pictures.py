@@ -220,6 +220,7 @@ def test_a_gauge_on_the_web_moves_as_the_grid_does(watch, motion):
     )
 
 
+@pytest.mark.slow
 def test_pictures_and_shapes_are_written(found, tmp_path, monkeypatch):
     monkeypatch.setattr(_shape_pictures, "_FRAMES", 3)
     drawn = {}

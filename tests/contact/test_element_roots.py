@@ -48,6 +48,7 @@ def _on_one_line(made, line: int):
     return [(x[..., 0, :].max(axis=-1), x[..., 1, :].min(axis=-1)) for x in stress]
 
 
+@pytest.mark.slow
 def test_points_are_those_of_the_same_fillet(made):
     _, _, plane, elements = made
     assert_close(elements.point, plane.point, rtol=1e-9, atol=1e-9)

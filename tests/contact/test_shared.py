@@ -2,6 +2,7 @@
 
 import equinox as eqx
 import jax.numpy as jnp
+import pytest
 from cases import accessory, exchanged
 
 import jaxgear as jg
@@ -20,6 +21,7 @@ def test_half_planes_share_nothing():
     assert jg.shared_compliance(accessory(), teeth) == 0.0
 
 
+@pytest.mark.slow
 def test_a_ring_shares_most_of_its_wind_up_whoever_drives():
     """Of the accessory pair 7.2 of 17.8 um that a pair gives alone; a small bore shares more."""
     teeth, pair = jg.WeberBanaschek(face_coupling=None), _bored(accessory(), 30.0, 40.0)

@@ -273,6 +273,7 @@ def test_misalignment_is_the_same_seen_from_the_other_side():
         assert np.max(np.abs(seen)) > 0.5 * um
 
 
+@pytest.mark.slow
 def test_nothing_pushes_within_the_backlash():
     """Drive flanks push at once, back flanks once the pair has turned by j_n; as hard."""
     system, _, _ = _tables()

@@ -145,6 +145,7 @@ def _branch(turning: TurningModes, diameters: int, way: int) -> int:
 _SOFT = 1e-2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", quick(1, [2, 3, 4]))
 def test_waves_from_space_are_those_on_the_wheel_and_its_turning(n):
     r"""Without rotating terms $\omega \mp n\Omega$ to the last digit; on the wheel $\omega$."""

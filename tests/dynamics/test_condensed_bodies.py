@@ -148,6 +148,7 @@ def _same_at_rest(dynamics: PairDynamics, speed: float = 0.0) -> None:
     assert ((force == 0.0) & (np.asarray(system.table.stiffness) > 0.0)).any()
 
 
+@pytest.mark.slow
 def test_statics_has_what_few_modes_and_coordinates_leave_out():
     dynamics = _pair()
     assert dynamics.system.vectors.shape[1] == 2 + FEW

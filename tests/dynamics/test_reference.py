@@ -43,6 +43,7 @@ def _swept(direction: int, steps: int) -> dict[float, reference.Statistics]:
 # --- the tables
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("direction", "table"), quick(1, [(1, UPWARDS), (-1, DOWNWARDS)]), ids=["up", "down"]
 )
@@ -53,6 +54,7 @@ def test_sweeps_reproduce_the_table_of_b5(direction, table):
         assert_close(np.array(found[speed]), np.array(known), rtol=0.0, atol=2e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("direction", quick(1, [1, -1]), ids=["up", "down"])
 def test_the_table_does_not_hang_on_the_step(direction):
     coarse, fine = _swept(direction, 200), _swept(direction, 300)
@@ -127,6 +129,7 @@ def test_polished_orbits_are_the_same_and_obey_liouville_more_closely(case):
         assert fine.stable == motion.stable
 
 
+@pytest.mark.slow
 def test_doubling_leaves_through_minus_one():
     unstable = next(motion for motion in _catalogue("doubled") if not motion.stable)
     assert unstable.multipliers[0].real < -1.0

@@ -182,6 +182,7 @@ def _lossy() -> DynamicSystem:
     return _oscillator(damping=0.1, ripple=0.3, waviness=0.1)
 
 
+@pytest.mark.slow
 def test_contact_loss_agrees_with_scipy():
     system, speed = _lossy(), 0.85
     found = _run(system, speed, end=50.0)

@@ -413,6 +413,7 @@ def test_one_trace():
         lines(eqx.tree_at(lambda p: p.wheel.face_width, power(), jnp.asarray(width)))
 
 
+@pytest.mark.slow
 def test_a_grid_that_the_pair_has_outgrown_says_so():
     """Lost lines are no answer: a traced copy with a longer path needs another line."""
     pair = accessory()

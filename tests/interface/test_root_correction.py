@@ -110,6 +110,7 @@ def test_all_teeth_need_two_factors_on_a_rim_whose_elements_are_equal():
         assert alone.pieces == 1
 
 
+@pytest.mark.slow
 def test_a_shared_piece_is_as_good_as_one_about_the_tooth():
     _, found = _of_all_teeth()
     for tooth in (4, 11):

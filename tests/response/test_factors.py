@@ -95,7 +95,7 @@ def test_face_load_by_hand():
 
 
 @every_drawing
-@pytest.mark.parametrize("misalignment", quick(2, [EVEN, ASKEW]), ids=["even", "askew"])
+@pytest.mark.parametrize("misalignment", quick(1, [ASKEW, EVEN]), ids=["askew", "even"])
 def test_face_load_integrates_to_the_mesh_force(drawing, misalignment):
     cycle = _settled(drawing, misalignment)
     load = face_load(_pair(drawing), cycle)
@@ -124,6 +124,7 @@ def test_misalignment_that_the_load_closes_by_hand():
     assert_close(face_load_factor(cycle), expected, rtol=1e-9, atol=0.0)
 
 
+@pytest.mark.slow
 def test_misalignment_that_opens_one_end_by_hand():
     """Triangular loads: n lines share F = n k' s c^2 / (2 b) over the length c of the contact.
 

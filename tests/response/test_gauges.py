@@ -56,7 +56,8 @@ def _influences(model, grid, kind: str, rows, rotation):
     )
 
 
-@pytest.mark.parametrize("kind", [pytest.param("spur", marks=pytest.mark.slow), "helical"])
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["spur", "helical"])
 def test_readings_are_those_of_the_whole_body(kind):
     model, grid = _mesh(kind, periods=2)
     rows, rotation = _rows(kind)

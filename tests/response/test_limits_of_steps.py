@@ -33,6 +33,7 @@ def test_a_peak_at_tooth_entry_converges_with_order_two():
     assert 1.0 - _ratio(128, limits=False) / true > 0.02
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("jump", quick(1, [0.0, 3.0]))
 def test_values_at_the_starts_of_uneven_steps(jump):
     """Exact for parabolas on even steps also where the second derivative jumps."""

@@ -107,6 +107,7 @@ def test_line_load_vanishes_beyond_the_path():
     assert float(jnp.max(jnp.where(outside, jg.line_load(cycle, EXACT), 0.0))) == 0.0
 
 
+@pytest.mark.slow
 def test_hertz_pressure_at_the_pitch_point_by_hand():
     """FZG C14, 200 N m, one pair over 14 mm: 1347 MPa at the pitch point."""
     pair = FZG_C14.pair()

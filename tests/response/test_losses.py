@@ -42,6 +42,7 @@ def test_one_cell_by_hand(pair, cycle):
     assert_close(jg.mesh_loss_factor(pair, one), 0.09959863, rtol=1e-7, atol=0.0)
 
 
+@pytest.mark.slow
 def test_efficiency_is_differentiable(cycle):
     """By every number of the drawing, the loads and the coefficient."""
     told = lambda given: jg.mesh_efficiency(

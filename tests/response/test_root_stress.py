@@ -65,6 +65,7 @@ def settled():
     return model, grid, eqx.filter_jit(jg.mesh_cycle)(model, grid), jg.root_influences(model.pair)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", quick(2, ELEMENTS))
 def test_stress_is_that_of_plane_strain_elements(case):
     gear, tension, compression = ELEMENTS[case]
@@ -85,6 +86,7 @@ def test_the_module_only_scales():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("gear", "stress"), quick(1, [(0, 422.0), (1, 424.0)]))
 def test_highest_point_of_single_contact(settled, gear, stress):
     """275.3 N/mm on one tooth in plane strain, of finite elements with 21 teeth."""

@@ -167,6 +167,7 @@ def test_transmission_error_is_transverse():
     assert_close(found, expected, rtol=1e-13, atol=0.0)
 
 
+@pytest.mark.slow
 def test_transmission_error_is_the_pinions_lead():
     """Positive: r_b1 th1 under load, with the wheel held, 2615 N over 14 GPa and 9.5 mm."""
     assert_close(np.max(_unmodified()[1]), 2615.4 / (14e9 * 9.5e-3), rtol=1e-4, atol=0.0)

@@ -200,7 +200,7 @@ def test_bodies_far_softer_than_cells_need_patience(coordinates):
 
 
 @pytest.mark.parametrize("coordinates", [1, 2, 3])
-@pytest.mark.parametrize("structure", quick(6, STRUCTURES))
+@pytest.mark.parametrize("structure", quick(2, STRUCTURES))
 def test_random_problems_agree_with_the_dual(coordinates, structure):
     rng = np.random.default_rng(10 + coordinates)
     problems = [
@@ -248,7 +248,7 @@ def test_dense_problems_with_cells_out_of_mesh_converge():
     _assert_balanced(stacked, _solve_all(stacked, jg.ExactContact()), rtol=1e-9)
 
 
-@pytest.mark.parametrize("coordinates", quick(3, [1, 2, 3]))
+@pytest.mark.parametrize("coordinates", quick(1, [2, 1, 3]))
 @pytest.mark.parametrize("width", [1e-8, 1e-6, 1e-5])
 def test_smooth_problems_converge_to_their_balance(coordinates, width):
     rng = np.random.default_rng(30 + coordinates)

@@ -117,7 +117,7 @@ def test_tilt_of_supported_bodies_follows_their_moment():
 # --- closed forms at constant stiffness
 
 
-@pytest.mark.parametrize("ratio", quick(2, [1.01, 2.0, 1.3, 1.6, 1.9, 2.3]))
+@pytest.mark.parametrize("ratio", quick(1, [1.6, 1.01, 2.0, 1.3, 1.9, 2.3]))
 def test_unmodified_spur_pair_by_hand(ratio):
     """n or n + 1 pairs share the load: delta/n and delta/(n + 1), for 1 - p and p of the period."""
     drawing = with_contact_ratio(ratio)

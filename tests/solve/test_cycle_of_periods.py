@@ -95,6 +95,7 @@ def test_teeth_are_numbered_by_their_entry(tip_contact):
 # --- pitch errors
 
 
+@pytest.mark.slow
 def test_a_single_error_shows_while_its_tooth_is_in_mesh():
     """Tooth 3 of the pinion stands 2 um proud: 2 um less where it is alone, half of it in pairs."""
     size = 2 * um

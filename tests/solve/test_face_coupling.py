@@ -66,6 +66,7 @@ def _answers(model: jg.PairModel, grid: jg.MeshGrid) -> Answers:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("case", "crowning", "slope"),
     quick(1, [("a-plain", 0.0, 0.0), ("b-crown10", 10.0, 0.0), ("b-slope20", 0.0, 20.0)]),

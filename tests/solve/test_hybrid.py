@@ -170,6 +170,7 @@ def test_cell_forces_balance_the_torque():
         np.testing.assert_allclose(np.asarray(cycle.force).sum(axis=1) * arm, torque, rtol=1e-10)
 
 
+@pytest.mark.slow
 def test_three_bearings_carry_the_mesh_force():
     cycle = _h2_cycle()
     pair, structure = cycle.system.pair, cycle.system.structure

@@ -143,6 +143,7 @@ def test_a_heated_wheel_in_motion_rests_as_it_does_in_statics(kind):
     assert np.abs(np.asarray(system.load)[-count:]).max() > 0.0
 
 
+@pytest.mark.slow
 def test_combinations_of_modes_bear_the_heat_of_the_modes():
     body = _warm(_body("spur", 1, count=24), _STRAIN)
     basis = body_basis(hybrid_cases.body("spur", 1), 24)

@@ -129,6 +129,7 @@ def test_next_tooth_meets_the_same_line_of_action():
 # --- the ring of sectors
 
 
+@pytest.mark.slow
 def test_cyclic_symmetry_is_the_whole_gear():
     """All teeth assembled and solved at once, sectors turned into place by hand."""
     sector, gear, teeth = _sector(), _small_gear(), 17
@@ -255,6 +256,7 @@ def test_contact_width_law_of_a_half_plane():
     assert_close(gear.own(np.full(1, 0.1))[0], at(0.0, 0.1), rtol=1e-3, atol=0.0)
 
 
+@pytest.mark.slow
 def test_result_does_not_depend_on_the_width_of_the_pressure():
     pair = _small_pair()
     rolls = _rolls(pair, 0.1, 0.3, 0.5, 0.7, 0.9)
@@ -267,6 +269,7 @@ def test_result_does_not_depend_on_the_width_of_the_pressure():
     assert_close(own[0], own[1], rtol=1.5e-3, atol=0.0)
 
 
+@pytest.mark.slow
 def test_result_does_not_depend_on_the_grid():
     pair = _small_pair()
     rolls = _rolls(pair, 0.1, 0.3, 0.5, 0.7, 0.9)

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from cases import accessory, exchanged, helical_25_31, mirrored, over, power
+from cases import accessory, exchanged, helical_25_31, mirrored, power
 from helpers import assert_close
 
 import jaxgear as jg
@@ -213,7 +213,8 @@ def test_a_pair_alone_gives_what_its_compliance_says():
     assert_close(cycle.approach[alone], compliance * load, rtol=2e-5, atol=0.0)
 
 
-@over(helical, slow=(spur,))
+@pytest.mark.slow
+@pytest.mark.parametrize("make", [helical, spur])
 def test_couplings_are_symmetric_and_never_negative(make):
     """At every phase, slices that are partly in contact included."""
     pair = make()

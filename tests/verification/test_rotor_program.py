@@ -109,6 +109,7 @@ def test_another_program_finds_the_same_motion(gear):
                 assert off < 1e-6 * np.max(np.abs(wanted[:, kind])), (speed, shaft)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gear", GEARS)
 def test_another_program_finds_the_same_critical_speeds(gear):
     """Those that unbalance excites are among them, and each is a mode's frequency here too."""
