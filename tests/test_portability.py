@@ -59,17 +59,18 @@ def _of_posix_only(nodes: Sequence[ast.AST]) -> list[tuple[str, int]]:
     # Few files have any, and guards take long to find.
     guards = [each for each in nodes if _is_guard(each)] if found else []
     guarded = {id(inner) for each in guards for inner in ast.walk(each)}
-    return [(name, each.lineno) for each, name in found if id(each) not in guarded]
+    return [name for each, name in found if id(each) not in guarded]
 
 
-def _posix_names(each: ast.AST) -> list[str]:
+def _posix_names(each: ast.AST) -> list[tuple[str, int]]:
+    """What a node names of these, and in which line."""
     match each:
         case ast.Import(names):
-            return [x.name for x in names if x.name in _POSIX_MODULES]
+            return [(x.name, each.lineno) for x in names if x.name in _POSIX_MODULES]
         case ast.ImportFrom(module) if module in _POSIX_MODULES:
-            return [module]
+            return [(module, each.lineno)]
         case ast.Attribute(ast.Name("os"), attr) if attr in _POSIX_OF_OS:
-            return [f"os.{attr}"]
+            return [(f"os.{attr}", each.lineno)]
         case _:
             return []
 

@@ -13,6 +13,8 @@ from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._shooting import Shooting
 
 Direction = Literal["up", "down", "cold"]
+# Those of a sweep that come to the same response.
+Ways = tuple[Direction, ...]
 
 
 @dataclass(frozen=True)

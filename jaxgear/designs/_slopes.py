@@ -22,7 +22,7 @@ from jaxgear._dynamics._harmonic import (
     harmonic_balance_problem,
 )
 from jaxgear._dynamics._modes import Modes, critical_speeds, pair_modes
-from jaxgear._dynamics._sweep_types import Direction, SweepPoint
+from jaxgear._dynamics._sweep_types import SweepPoint, Ways
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._response._measured import measured
 from jaxgear._system._model import PairModel
@@ -76,12 +76,13 @@ class SeenResponses:
     speeds: np.ndarray
     points: dict[_At, SweepPoint]
 
-    def __call__(self, way: Direction, point: SweepPoint, ratio: float) -> None:
+    def __call__(self, ways: Ways, point: SweepPoint, ratio: float) -> None:
         """Look at a response."""
         del ratio
-        at = way, int(np.argmin(np.abs(self.speeds - float(point.orbit.speed))))
-        if at in self.places:
-            self.points[at] = point
+        place = int(np.argmin(np.abs(self.speeds - float(point.orbit.speed))))
+        for at in ((way, place) for way in ways):
+            if at in self.places:
+                self.points[at] = point
 
 
 def seen_of(asked: SweepKeys, names: Sequence[str]) -> SeenResponses:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxgear._dynamics._orbit import Orbit
-from jaxgear._dynamics._sweep_types import Direction, SweepPoint
+from jaxgear._dynamics._sweep_types import Direction, SweepPoint, Ways
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._response._body_motion import body_motion, start_angle
@@ -161,7 +161,7 @@ class WaveWatch:
         own = {each.speed: each for each in self.loads.get(direction, {}).values()}
         return [own[speed] for speed in sorted(own)]
 
-    def __call__(self, direction: Direction, point: SweepPoint, ratio: float) -> None:
+    def __call__(self, ways: Ways, point: SweepPoint, ratio: float) -> None:
         """Look at a response, whose dynamic ratio is known [-]."""
         motions = {
             gear: each.motion(self.pair, point.orbit, self.orders)
@@ -169,15 +169,17 @@ class WaveWatch:
         }
         speed, rank = float(point.orbit.speed), (point.settled, ratio)
         loads = flank_loads(self.pair, point.orbit, self.law)
-        shown = self.loads.setdefault(direction, {})
-        if direction not in self.peak or rank > self.peak[direction].rank:
-            self.peak[direction] = Peak(rank, speed, motions)
-            shown["peak"] = loads
-        if speed <= shown.get("lowest", loads).speed:
-            shown["lowest"] = loads
-        if speed >= shown.get("highest", loads).speed:
-            shown["highest"] = loads
-        self.seen.setdefault(direction, {})[speed] = self.look(loads.largest, motions)
+        seen = self.look(loads.largest, motions)
+        for way in ways:
+            shown = self.loads.setdefault(way, {})
+            if way not in self.peak or rank > self.peak[way].rank:
+                self.peak[way] = Peak(rank, speed, motions)
+                shown["peak"] = loads
+            if speed <= shown.get("lowest", loads).speed:
+                shown["lowest"] = loads
+            if speed >= shown.get("highest", loads).speed:
+                shown["highest"] = loads
+            self.seen.setdefault(way, {})[speed] = seen
 
     def look(self, flank: LargestLoad, motions: dict[str, BodyMotion]) -> Seen:
         """What the bodies show in some motion; only what the mesh drives, by its orders."""

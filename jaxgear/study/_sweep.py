@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from jaxgear._checks import InputError
-from jaxgear._dynamics._sweep_types import Direction, SweepPoint
+from jaxgear._dynamics._sweep_types import SweepPoint, Ways
 from jaxgear._response._sweep_features import FEW, leaps, prominent
 from jaxgear.scene._build import law_of
 from jaxgear.scene._gear_tables import GearKeys
@@ -41,7 +41,7 @@ def sweep(scene: Scene, seen: Watch | None = None) -> Result:
     **Arguments:**
 
     - `scene`: with a table [sweep].
-    - `seen`: shown each response whole, with its direction and dynamic ratio.
+    - `seen`: shown each response whole, with its directions and dynamic ratio.
 
     **Returns:**
 
@@ -135,10 +135,10 @@ def sweep_result(built: BuiltScene, dynamics: Dynamics, seen: Watch | None = Non
     return Result(scene, summary, datasets | waves.datasets, files)
 
 
-def _shown(watches: Sequence[Watch], way: Direction, point: SweepPoint, ratio: float) -> None:
+def _shown(watches: Sequence[Watch], ways: Ways, point: SweepPoint, ratio: float) -> None:
     """Show a response to all who look."""
     for watch in watches:
-        watch(way, point, ratio)
+        watch(ways, point, ratio)
 
 
 # A peak stands out by this much of the static force.

@@ -15,7 +15,7 @@ import numpy as np
 from jaxgear._dynamics._continuation import Curve, continuation
 from jaxgear._dynamics._harmonic import HarmonicBalance
 from jaxgear._dynamics._sweep import Finder
-from jaxgear._dynamics._sweep_types import Direction, SweepPoint
+from jaxgear._dynamics._sweep_types import Direction, SweepPoint, Ways
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._dynamics._types import Terms
 from jaxgear._interface._laws import AbstractContactLaw
@@ -77,8 +77,8 @@ def alike(first: Any, second: Any) -> Any:
     return np.abs(first - second) <= _SAME * np.maximum(first, second)
 
 
-# Sees each response whole.
-Watch = Callable[[Direction, SweepPoint, float], None]
+# Sees each response whole, with the directions that come to it and its dynamic ratio.
+Watch = Callable[[Ways, SweepPoint, float], None]
 
 
 def swept(
@@ -100,13 +100,13 @@ def swept(
         point = finder.next(jnp.asarray(float(speed)), last)
         found.append(_response(law, asked, moving, point))
         if watch is not None:
-            watch(direction, point, found[-1].dynamic_ratio)
+            watch((direction,), point, found[-1].dynamic_ratio)
         last = None if direction == "cold" else point
         done(1)
     return tuple(found[::-1] if direction == "down" else found)
 
 
-_BOTH: tuple[Direction, Direction] = ("up", "down")
+_BOTH: Ways = ("up", "down")
 
 
 def swept_along(
@@ -139,13 +139,12 @@ def swept_along(
     for place, speed in enumerate(speeds):
         point = ends.get(place) or finder.beside(jnp.asarray(float(speed)), terms[place])
         if point is None:
-            done(-2 * len(found))
+            done(-len(_BOTH) * len(found))
             return None
         found.append(_response(law, asked, moving, point))
-        for way in _BOTH:
-            if watch is not None:
-                watch(way, point, found[-1].dynamic_ratio)
-        done(2)
+        if watch is not None:
+            watch(_BOTH, point, found[-1].dynamic_ratio)
+        done(len(_BOTH))
     return tuple(found)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from jaxgear._dynamics._orbit import Orbit
-from jaxgear._dynamics._sweep_types import Direction, SweepPoint
+from jaxgear._dynamics._sweep_types import Direction, SweepPoint, Ways
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._response._gauges import GaugeInfluences, moving_gauge_readings
@@ -74,16 +74,17 @@ class StressWatch:
         default_factory=dict
     )
 
-    def __call__(self, direction: Direction, point: SweepPoint, ratio: float) -> None:
+    def __call__(self, ways: Ways, point: SweepPoint, ratio: float) -> None:
         """Look at a response, whose dynamic ratio is known [-]."""
-        rank = point.settled, ratio
-        if direction not in self.peak or rank > self.peak[direction][0]:
-            self.peak[direction] = rank, point.orbit
-        speed = float(point.orbit.speed)
-        self.seen.setdefault(direction, {})[speed] = {
+        rank, speed = (point.settled, ratio), float(point.orbit.speed)
+        numbers = {
             gear: _numbers(own, self.pair, point.orbit, self.law)
             for gear, own in self.gauges.items()
         }
+        for way in ways:
+            if way not in self.peak or rank > self.peak[way][0]:
+                self.peak[way] = rank, point.orbit
+            self.seen.setdefault(way, {})[speed] = numbers
 
 
 def _numbers(

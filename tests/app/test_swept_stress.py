@@ -65,7 +65,7 @@ def swept(tmp_path_factory):
         path.write_text(_SCENE)
         built = built_scene(read_scene(path), moving=True)
         dynamics = solve_dynamics(built)
-        result = sweep_result(built, dynamics, lambda way, point, ratio: points.append(point))
+        result = sweep_result(built, dynamics, lambda ways, point, ratio: points.append(point))
         yield built, dynamics, result, [point.orbit for point in points]
 
 
