@@ -47,20 +47,14 @@ def _statics(model: jg.PairModel, grid: jg.MeshGrid) -> float:
     return float(jg.cycle_variance(cycle, te))
 
 
-@pytest.fixture
-def _nothing_compiled():
-    """Forget what other tests have compiled: that takes seconds, which are no test's."""
-    jax.clear_caches()
-
-
-@pytest.mark.usefixtures("_nothing_compiled")
 def test_a_mesh_cycle_from_gears_to_a_number_is_a_handful_of_programs():
-    law = jg.WeberBanaschek()
+    """On a grid that no other test has: whatever these have compiled, it is compiled anew."""
+    law, grid = jg.WeberBanaschek(), _grid(phases=18)
     with made_programs() as whole:
-        first = _statics(_model(compliance=law), _grid())
+        first = _statics(_model(compliance=law), grid)
     assert 3 <= len(whole) <= 20, whole
     with made_programs() as again:
-        second = _statics(_model(torque=95.0, depth=3.0, compliance=law), _grid())
+        second = _statics(_model(torque=95.0, depth=3.0, compliance=law), grid)
     assert again == []
     assert second != first
     with made_programs() as finer:

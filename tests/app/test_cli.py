@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers import quick
 
 import jaxgear._cli as cli_package
 from jaxgear.__main__ import main as door
@@ -276,7 +277,9 @@ def test_what_a_terminal_cannot_show_is_spelled_out(scene, commands, monkeypatch
 
 # A stream with a buffer fails when it is flushed, one without at the first word.
 @pytest.mark.parametrize("buffer", ["", "1"])
-@pytest.mark.parametrize("arguments", [["init", "accessory"], ["--help"], ["keys"], ["--version"]])
+@pytest.mark.parametrize(
+    "arguments", quick(2, [["init", "accessory"], ["--help"], ["keys"], ["--version"]])
+)
 def test_standard_output_without_space_is_one_line_and_1(tmp_path, arguments, buffer):
     with open("/dev/full", "w") as full:
         done = subprocess.run(

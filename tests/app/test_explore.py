@@ -91,6 +91,7 @@ def test_answers_are_sent_without_waiting(explorer, monkeypatch):
     assert seen[0] != 0
 
 
+@pytest.mark.slow
 def test_error_is_that_of_a_constant_stiffness(live):
     """One or two pairs in mesh, of which each gives by F / (c b): peak to peak is half of that."""
     found = live.cycle(live.values({})).numbers

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import jax
 import pytest
+from helpers import quick
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
@@ -122,15 +123,18 @@ def test_any_sane_pair_is_accepted(
 
 @pytest.mark.parametrize(
     "wanted",
-    [
-        _wanted((10, 10)),
-        _wanted((10, 10), 0.5, 15.0, -20.0),
-        _wanted((34, 10), 2.0, 29.0),
-        _wanted((95, 560), 9.5, 18.0),
-        _wanted((12, 120), 1.0, 30.0, 35.0),
-        _wanted((84, 580), 0.7, 14.5),
-        _wanted((17, 19), 4.0, 25.0, 8.0),
-    ],
+    quick(
+        3,
+        [
+            _wanted((10, 10), 0.5, 15.0, -20.0),
+            _wanted((95, 560), 9.5, 18.0),
+            _wanted((12, 120), 1.0, 30.0, 35.0),
+            _wanted((10, 10)),
+            _wanted((34, 10), 2.0, 29.0),
+            _wanted((84, 580), 0.7, 14.5),
+            _wanted((17, 19), 4.0, 25.0, 8.0),
+        ],
+    ),
 )
 def test_gears_at_the_ends_of_the_rules_are_possible(folder, wanted):
     """No undercut, interference, pointed teeth or lost contact."""

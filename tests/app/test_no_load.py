@@ -26,6 +26,7 @@ slices = 3
 _SLOPE = "flank.pinion.profile_slope_um=6"
 
 
+@pytest.mark.slow
 def test_a_profile_slope_is_a_saw_tooth_of_the_base_pitch(write):
     result = studies.run(read_scene(write(_SCENE), [_SLOPE]))
     error, phase = (result.dataset[name].values for name in ("unloaded_te_um", "phase"))

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
+from helpers import quick
 
 import jaxgear as jg
 from jaxgear._whole_file import whole_file, write_csv, write_dataset, write_json
@@ -37,7 +38,7 @@ def _solve(model: jg.PairModel) -> jg.MeshCycle:
     return jg.mesh_cycle(model, jg.mesh_grid(model.pair, phases=16, slices=5), law=_LAW)
 
 
-@pytest.fixture(scope="module", params=[_spur, _helical], ids=["spur", "helical"])
+@pytest.fixture(scope="module", params=quick(1, [_spur, _helical]), ids=["spur", "helical"])
 def case(request) -> tuple[jg.PairModel, jg.MeshCycle, xr.Dataset]:
     model = request.param()
     cycle = _solve(model)

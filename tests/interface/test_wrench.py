@@ -14,8 +14,8 @@ import jaxgear as jg
 LEFT_HAND = replace(POWER, helix_angle=-POWER.helix_angle)
 every_drawing = pytest.mark.parametrize(
     "drawing",
-    quick(2, [ACCESSORY, LEFT_HAND, POWER, FZG_H501, FZG_C14]),
-    ids=["accessory", "power, left hand", "power", "h501", "c14"],
+    quick(2, [ACCESSORY, POWER, LEFT_HAND, FZG_H501, FZG_C14]),
+    ids=["accessory", "power", "power, left hand", "h501", "c14"],
 )
 
 

@@ -132,6 +132,7 @@ def test_another_program_finds_the_same_critical_speeds(gear):
     assert np.max(np.nanmin(np.abs(natural / wanted[:, None] - 1.0), axis=1)) < 1e-7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gear", GEARS)
 def test_modes_of_single_elements_are_no_critical_speeds(gear):
     """No gear turns faster than 1000 m/s at its tip, 25.6 krad/s; elements have modes there."""
