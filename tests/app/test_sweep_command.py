@@ -4,6 +4,7 @@ import dataclasses
 import json
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -18,6 +19,7 @@ import jaxgear as jg
 from jaxgear._checks import InputError
 from jaxgear._cli._fit import refuse_unfit
 from jaxgear._cli._main import main
+from jaxgear._dynamics._continuation import Curve, CurvePoint
 from jaxgear._dynamics._damping import ModalDamping, RayleighDamping
 from jaxgear._dynamics._harmonic import HarmonicBalance
 from jaxgear._dynamics._march import TimeStepping
@@ -206,6 +208,31 @@ def test_a_slow_pair_has_its_quasi_static_transmission_error(folder):
     dataset = sweep_dataset(dynamics, Sweep(np.asarray([1.0]), {"up": (response,)}, (), {}))
     assert dataset["bearing"].values.tolist() == ["pinion 0", "pinion 1"]
     assert dataset["bearing_load_order_N"].shape == (1, 1, 2, 3, 1)
+
+
+def test_a_branch_is_plain_where_nothing_makes_a_machine_leave_it():
+    some, point = np.ones(3), CurvePoint(2.0, 1.0, np.zeros((1, 3)), 1)
+    plain = Curve(
+        speed=np.array([1.0, 2.0, 3.0]),
+        dynamic_ratio=some,
+        te_rms=some,
+        terms=np.zeros((3, 1, 3)),
+        multiplier=0.5j * some,
+        stable=some > 0.0,
+        folds=(),
+        doublings=(),
+        tori=(),
+        ends=("began", "left"),
+        steps=0,
+    )
+    assert is_plain((plain,))
+    assert not is_plain(())
+    assert not is_plain((plain, plain))
+    changes: list[dict[str, Any]] = [{name: (point,)} for name in ("folds", "doublings", "tori")]
+    changes += [{"ends": ("began", "lost")}, {"stable": np.array([True, False, True])}]
+    changes += [{"speed": np.array([1.0, 3.0, 2.0])}]
+    for change in changes:
+        assert not is_plain((dataclasses.replace(plain, **change),)), change
 
 
 # --- From the scene to the library
