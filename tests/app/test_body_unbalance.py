@@ -8,6 +8,7 @@ import hybrid_cases
 import numpy as np
 import pytest
 from fem_cases import STEEL
+from helpers import quick
 
 from fem_prep._answers import mass_properties
 from fem_prep._artefact import ReducedBody
@@ -25,7 +26,7 @@ def _off_axis(body: ReducedBody) -> float:
     return float(np.max(np.abs([*whole[:2, 5] / np.sqrt(mass * polar), *whole[3:5, 5] / polar])))
 
 
-@pytest.mark.parametrize(("holes", "further"), [(0, 0), (3, 0), (6, 6)])
+@pytest.mark.parametrize(("holes", "further"), quick(1, [(6, 6), (3, 0), (0, 0)]))
 def test_even_bodies_have_no_unbalance(holes, further):
     body = hybrid_cases.body(holes=holes, further=further)
     assert body.facts["sectors"] == (holes or hybrid_cases.TEETH[1])
