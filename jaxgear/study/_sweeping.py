@@ -4,6 +4,7 @@ import concurrent.futures
 import contextvars
 import dataclasses
 import functools
+import itertools
 import time
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
@@ -29,6 +30,7 @@ from jaxgear.study._dynamics import (
     size_of,
     speeds_of,
 )
+from jaxgear.study._progress import say
 from jaxgear.study._statics import SolverFailure
 
 # Settled responses whose dynamic ratios differ by more than this, relative to them, are two.
@@ -290,7 +292,7 @@ def sweep_of(
     if not (followed and isinstance(method, HarmonicBalance)):
         return Sweep(speeds, by_directions(), (), seconds)
 
-    def follow(done: Callable[[int], None] = lambda count: None) -> tuple[Curve, ...]:
+    def follow(done: Callable[[int], None]) -> tuple[Curve, ...]:
         return clocked("continuation", lambda: branches(method, dynamics, speeds, done))
 
     if not dynamics.bodies:
@@ -298,7 +300,9 @@ def sweep_of(
         return Sweep(speeds, responses, curves, seconds)
     # Not side by side: two programs with products of matrices of some hundred rows, on two cores,
     # wait for each other's threads for ever (XLA for CPU, jaxlib 0.10).
-    curves, both = follow(), None
+    points = itertools.count(1)
+    curves, both = follow(lambda _: say(f"point {next(points)} of the branch")), None
+    say("")
     if asked.direction == "both" and is_plain(curves):
         along = functools.partial(swept_along, law, asked, moving, curves[0], speeds)
         both = clocked("up and down", lambda: along(done, watch))

@@ -26,7 +26,7 @@ from helpers import assert_close, assert_gradient
 
 import jaxgear as jg
 from jaxgear import N_per_mm_um, mm, um
-from jaxgear._contact._cells import flank_coordinates
+from jaxgear._contact._cells import at_line_loads, flank_coordinates
 
 _WEBER = jg.WeberBanaschek(face_coupling=None)
 _CONSTANT = jg.ConstantStiffness(14.0 * N_per_mm_um)
@@ -164,6 +164,24 @@ def test_arm_by_plane_vectors(make):
     # The cells of one line lie their own length apart.
     apart = np.diff(cells.arm.reshape(16, grid.lines, grid.slices), axis=2)
     assert_close(apart, np.full_like(apart, cells.lines.length), rtol=1e-10, atol=0.0)
+
+
+def test_contact_hardens_with_its_line_load_by_hand():
+    """A tenth of the nominal load: 2 (1 - nu^2)/(pi E) ln 10 more; below a hundredth no more."""
+    pair, cells, nominal = accessory(), _cells(accessory), 275e3
+    share = np.full(cells.lines.roll.shape, 0.1)
+    share[:, :, 1], share[:, :, 2] = 1e-7, 0.0
+    force = share * cells.lines.fraction * cells.lines.length * nominal
+    slope = _WEBER.log_slope(pair)
+    force = jnp.asarray(force.reshape(cells.stiffness.shape))
+    loaded = jax.jit(at_line_loads)(cells, force, jnp.asarray(nominal), slope)
+    rise = 1.0 / np.asarray(loaded.line_stiffness) - 1.0 / cells.line_stiffness
+    young, poisson = 206e9, 0.3
+    assert float(pair.pinion.material.young) == young
+    per_e_fold = 2.0 * (1.0 - poisson**2) / (math.pi * young)
+    expected = per_e_fold * math.log(10.0) * np.array([1.0, 2.0, 2.0, 1.0, 1.0])
+    in_mesh = cells.lines.fraction[:, :, 0] > 0.1
+    assert_close(rise[in_mesh], np.tile(expected, (int(in_mesh.sum()), 1)), rtol=1e-9, atol=0.0)
 
 
 # --- gap

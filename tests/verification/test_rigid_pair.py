@@ -454,29 +454,6 @@ def test_one_update_leaves_single_contact_as_it_is():
     assert_close(_error(whole), errors[2], rtol=1e-11, atol=0.0)
 
 
-def test_softened_stiffness_by_hand():
-    """A tenth of the nominal load: 2 (1 - nu^2)/(pi E) ln 10 more; below a hundredth no more."""
-    base = _spur_cycle(RING)
-    lines = base.cells.lines
-    nominal = 275e3
-    share = np.full(lines.roll.shape, 0.1)
-    share[:, :, 1], share[:, :, 2] = 1e-7, 0.0
-    force = share * np.asarray(lines.fraction) * float(lines.length) * nominal
-    loaded = jax.jit(at_line_loads)(
-        base.cells,
-        jnp.asarray(force.reshape(16, -1)),
-        jnp.asarray(nominal),
-        RING.log_slope(spur()),
-    )
-    rise = 1.0 / np.asarray(loaded.line_stiffness) - 1.0 / np.asarray(base.cells.line_stiffness)
-    young, poisson = 206e9, 0.3
-    per_e_fold = 2.0 * (1.0 - poisson**2) / (math.pi * young)
-    assert float(spur().pinion.material.young) == young
-    in_mesh = np.asarray(lines.fraction)[:, :, 0] > 0.1
-    expected = per_e_fold * math.log(10.0) * np.array([1.0, 2.0, 2.0, 1.0])
-    assert_close(rise[in_mesh], np.tile(expected, (int(in_mesh.sum()), 1)), rtol=1e-9, atol=0.0)
-
-
 # --- tip corners
 
 
