@@ -156,6 +156,7 @@ def test_statics_has_what_few_modes_and_coordinates_leave_out():
     _same_at_rest(dynamics)
 
 
+@pytest.mark.slow
 def test_what_mesh_coordinates_leave_out_gives_way_under_any_load():
     coupling = np.asarray(_pair().system.table.coupling)
     assert np.linalg.eigvalsh(coupling).min() > -1e-9 * np.abs(coupling).max()
