@@ -108,9 +108,6 @@ def swept(
     return tuple(found[::-1] if direction == "down" else found)
 
 
-_BOTH: Ways = ("up", "down")
-
-
 def swept_along(
     law: AbstractContactLaw,
     asked: SweepKeys,
@@ -133,7 +130,7 @@ def swept_along(
     finder = Finder(moving.pair.system, settings_of(law, asked, size_of(moving.pair)))
     terms = _interpolated(curve, speeds)
     # As a machine would come to them from rest.
-    last = len(speeds) - 1
+    ways, last = directions_of(asked), len(speeds) - 1
     ends = {place: finder.next(jnp.asarray(float(speeds[place])), None) for place in (0, last)}
     if not all(finder.is_beside(point, terms[place]) for place, point in ends.items()):
         return None
@@ -141,12 +138,12 @@ def swept_along(
     for place, speed in enumerate(speeds):
         point = ends.get(place) or finder.beside(jnp.asarray(float(speed)), terms[place])
         if point is None:
-            done(-len(_BOTH) * len(found))
+            done(-len(ways) * len(found))
             return None
         found.append(_response(law, asked, moving, point))
         if watch is not None:
-            watch(_BOTH, point, found[-1].dynamic_ratio)
-        done(len(_BOTH))
+            watch(ways, point, found[-1].dynamic_ratio)
+        done(len(ways))
     return tuple(found)
 
 
@@ -163,12 +160,12 @@ def is_plain(curves: tuple[Curve, ...]) -> bool:
 
     Then nothing makes a machine leave it.
     """
-    return len(curves) == 1 and all(
-        piece.ends == ("began", "left")
-        and not (piece.folds or piece.doublings or piece.tori)
-        and bool(np.all(piece.stable) and np.all(np.diff(piece.speed) > 0.0))
-        for piece in curves
-    )
+    if len(curves) != 1:
+        return False
+    (piece,) = curves
+    whole = piece.ends == ("began", "left")
+    whole = whole and not (piece.folds or piece.doublings or piece.tori)
+    return whole and bool(np.all(piece.stable) and np.all(np.diff(piece.speed) > 0.0))
 
 
 def _response(
@@ -306,7 +303,7 @@ def sweep_of(
     if asked.direction == "both" and is_plain(curves):
         along = functools.partial(swept_along, law, asked, moving, curves[0], speeds)
         both = clocked("up and down", lambda: along(done, watch))
-    responses = by_directions() if both is None else dict.fromkeys(_BOTH, both)
+    responses = by_directions() if both is None else dict.fromkeys(directions_of(asked), both)
     return Sweep(speeds, responses, curves, seconds)
 
 
