@@ -17,7 +17,7 @@ from jaxgear._dynamics._modes import Modes, pair_modes
 from jaxgear._dynamics._pair_dynamics import pair_dynamics
 from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steppers import Newmark
-from jaxgear._dynamics._sweep_types import Direction, SweepSettings
+from jaxgear._dynamics._sweep_types import SweepSettings, Ways
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
@@ -47,7 +47,7 @@ def fastest(asked: SweepKeys) -> float:
     return float(speeds_of(asked)[-1]) if asked.is_given else 0.0
 
 
-def directions_of(asked: SweepKeys) -> tuple[Direction, ...]:
+def directions_of(asked: SweepKeys) -> Ways:
     """Directions of a sweep."""
     return ("up", "down") if asked.direction == "both" else (asked.direction,)
 
