@@ -2,9 +2,12 @@ r"""Branches of responses over speed, round their folds, by continuation in arc 
 
 Where a sweep jumps, the branch of responses folds back in speed and goes on, unstable. Harmonics
 and speed are unknown together: a step along the tangent, then Newton's method in the plane across
-it. Along the branch, $ds^2 = \overline{(\mathrm d m/m_0)^2} + (\mathrm d\ln\Omega_1)^2$: the mean
-square over time of the mesh coordinates' change in static deflections, and the relative change of
-speed, so that a resonance takes as many steps at low speed as at high.
+it. Along the branch, $ds^2 = (\mathrm d\bar m/m_0)^2 + \overline{(\mathrm d\tilde m/m_v)^2} +
+(\mathrm d\ln\Omega_1)^2$: the change of the mesh coordinates' mean in static deflections $m_0$, the
+mean square over time of that of their vibration, and the relative change of speed, so that a
+resonance takes as many steps at low speed as at high. Where a pair vibrates by less than half of
+its static deflection, $m_v$ is twice what it vibrates by: else steps would pass over resonances
+that are small beside the deflection.
 
 Equations of exact contact at points in time have corners: close to a corner a fold lies within the
 error of that discretisation, and has no derivative. Averaged or smooth contact has both.
@@ -27,9 +30,9 @@ from jaxgear._dynamics._guide import (
     Guide,
     LostError,
     Place,
-    distance_between,
     heading_of,
     hides_event,
+    length_of,
 )
 from jaxgear._dynamics._harmonic import HarmonicBalance, harmonic_balance_problem
 from jaxgear._dynamics._system import DynamicSystem
@@ -104,7 +107,7 @@ class Curve(eqx.Module):
 
 # Steps halve below the first and grow above the second of these cosines of the turn they make, and
 # a corrected point is not further aside than this part of its step.
-_SHARP, _STRAIGHT, _ASIDE = 0.8, 0.98, 0.5
+_SHARP, _STRAIGHT, _ASIDE = 0.7, 0.93, 0.5
 _FEW_NEWTON, _MANY_NEWTON = 4, 6
 _SMALLEST_STEP = 1e-7
 
@@ -130,15 +133,15 @@ def _ahead(
     guide: Guide, here: Place, step: float, span: tuple[float, float]
 ) -> tuple[Place | None, bool]:
     """The next point, and whether it is on the edge of the range."""
-    guess = here.unknowns + step * here.tangent
+    measure = guide.measure_at(here)
+    guess = here.unknowns + step / length_of(measure * here.tangent) * here.tangent
     low, high = span
     leaves = not low <= guess[-1] <= high
     if leaves:
         edge = low if guess[-1] < low else high
         guess = here.unknowns + (edge - here.unknowns[-1]) / here.tangent[-1] * here.tangent
         guess[-1] = edge
-        step = distance_between(guess, here.unknowns)
-    follows = lambda ahead: ahead is not None and _follows(here, ahead, guess, step)
+    follows = lambda ahead: ahead is not None and _follows(here, ahead, guess, measure)
     if leaves or abs(here.tangent[-1]) > _LEANS:
         ahead = guide.correct_at_speed(guess, here.tangent[-1])
         if follows(ahead):
@@ -150,13 +153,19 @@ def _ahead(
     return (ahead, False) if inside and follows(ahead) else (None, False)
 
 
-def _follows(here: Place, ahead: Place, guess: np.ndarray, step: float) -> bool:
+def _follows(here: Place, ahead: Place, guess: np.ndarray, measure: np.ndarray) -> bool:
     """Whether a point is the next one of a branch."""
+    step = length_of(measure * (guess - here.unknowns))
     return (
-        bool(here.tangent @ ahead.tangent >= _SHARP)
-        and distance_between(ahead.unknowns, guess) <= _ASIDE * step
+        _cosine(measure * here.tangent, measure * ahead.tangent) >= _SHARP
+        and length_of(measure * (ahead.unknowns - guess)) <= _ASIDE * step
         and not (step > _LOOKED_AT and hides_event(here, ahead))
     )
+
+
+def _cosine(first: np.ndarray, second: np.ndarray) -> float:
+    """Cosine of the angle between two vectors [-]."""
+    return float(first @ second) / (length_of(first) * length_of(second))
 
 
 def _walk(
@@ -207,7 +216,8 @@ def _walk(
             return end("returned")
         if leaves:
             return end("left")
-        turn = here.tangent @ ahead.tangent
+        measure = guide.measure_at(here)
+        turn = _cosine(measure * here.tangent, measure * ahead.tangent)
         if ahead.steps <= _FEW_NEWTON and turn > _STRAIGHT:
             step = min(1.4 * step, largest)
         elif ahead.steps >= _MANY_NEWTON or turn < 0.5 * (_SHARP + _STRAIGHT):
@@ -241,8 +251,7 @@ def continuation(
         `None`: those of the quasi-static states [m, rad].
     - `at`: speed of `near`, if it is between `start` and `stop`: the branch is then followed both
         ways, and put together [rad/s].
-    - `first_step`, `largest_step`: along the branch: root mean square change of the mesh
-        coordinates in static deflections, together with the relative change of speed [-].
+    - `first_step`, `largest_step`: along the branch, as (9.4) [-].
     - `most_points`: in each direction.
     - `stability`: whether to find Floquet's multipliers.
     - `done`: told how many more points are found.

@@ -123,6 +123,14 @@ class Guide:
             judged = [pool.submit(self._judged, *self._looked_at(point)) for point in points]
             return [each.result() for each in judged]
 
+    def measure_at(self, point: Place) -> np.ndarray:
+        """Weights of a change of each unknown in the length of a step there, as (9.4)."""
+        rows = point.unknowns[:-1].reshape(self.balance.scales.size, -1)
+        vibration = np.sqrt(np.sum(rows[:, 1:] ** 2))
+        weights = np.ones_like(rows)
+        weights[:, 1:] = 1.0 / np.clip(_VIBRATION * vibration, _LEAST, 1.0)
+        return np.append(weights.reshape(-1), 1.0)
+
     def between(self, here: Place, ahead: Place, share: float) -> Place:
         """A point between two that are neighbours."""
         guess = here.unknowns + share * (ahead.unknowns - here.unknowns)
@@ -193,14 +201,14 @@ class Guide:
         for cycles in (d for d in range(1, self.multiple) if self.multiple % d == 0):
             part = lambda point, c=cycles: point.unknowns - self.shifted(point.unknowns, c)
             before = part(here)
-            size = np.sqrt(before @ before)
+            size = length_of(before)
             if size < _SAME or before @ part(ahead) > 0.0:
                 continue
             # Two branches cross at zero, where neither has a tangent: a little before it.
             of = lambda point: float(part(point) @ before / size - 0.1 * _SAME)  # noqa: B023
             found = self.zero(here, ahead, of, 0.01 * _SAME)
             left = part(found)
-            if np.sqrt(left @ left) < _SAME:
+            if length_of(left) < _SAME:
                 return found
         return None
 
@@ -211,7 +219,7 @@ class Guide:
             goal = self.shifted(first.unknowns, cycles)
             along = (goal - here.unknowns) @ chord / (chord @ chord)
             aside = distance_between(goal, here.unknowns + along * chord)
-            if 0.0 < along <= 1.0 and aside < 0.5 * np.sqrt(chord @ chord):
+            if 0.0 < along <= 1.0 and aside < 0.5 * length_of(chord):
                 met = self.correct(here.unknowns + along * chord, chord, float(goal @ chord))
                 if met is not None and distance_between(met.unknowns, goal) < _SAME:
                     return True
@@ -222,13 +230,22 @@ class Guide:
 # little as cells close: so far may a pair of them be off the circle where they pass it.
 _FOLD_ACCURACY, _PASSAGE_ACCURACY, _ON_CIRCLE = 1e-9, 1e-7, 1e-2
 
+# A change of the vibration is measured by so many times its size, unless static deflections are
+# less; by no less than so many of these.
+_VIBRATION, _LEAST = 2.0, 1e-4
+
 # Distance between responses that are one, and tangents that do not lean to either side.
 _SAME, _UPRIGHT = 1e-4, 1e-9
 
 
+def length_of(vector: np.ndarray) -> float:
+    """Length of a vector [-]."""
+    return float(np.sqrt(vector @ vector))
+
+
 def distance_between(first: np.ndarray, second: np.ndarray) -> float:
     """Distance of two points of a curve, in its scaled unknowns [-]."""
-    return float(np.sqrt(np.sum((first - second) ** 2)))
+    return length_of(first - second)
 
 
 def heading_of(point: Place) -> float:

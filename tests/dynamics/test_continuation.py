@@ -153,6 +153,19 @@ def test_a_march_jumps_past_a_fold_and_not_before_it(fold, way):
     assert abs(float(jnp.std(gone.place)) / rms - 1.0) > 0.5
 
 
+def test_a_resonance_that_is_small_beside_the_deflection_is_followed():
+    ripple, damping = 1e-3, 0.02
+    system = sdof_parametric(steps=STEPS, damping_ratio=damping, ripple=ripple)
+    curve = continuation(system, 0.4, 1.7, method=AVERAGED, stability=False)
+    # The ripple forces a linear oscillator, but for what it does to its own answer. Averaged
+    # overlaps smooth it over a step.
+    speeds = np.geomspace(0.4, 1.7, 2000)
+    answer = ripple / np.abs(1.0 - speeds**2 + 2j * damping * speeds) / np.sqrt(2.0)
+    found = np.interp(np.log(speeds), np.log(curve.speed), curve.te_rms)
+    assert np.max(np.abs(found / answer - 1.0)) < 0.06
+    assert abs(np.max(curve.te_rms) / np.max(answer) - 1.0) < 0.02
+
+
 def test_stability_is_lost_through_plus_one_at_folds_and_minus_one_at_doublings():
     curve = _once()
     first, second = (fold.after for fold in curve.folds)
