@@ -6,12 +6,14 @@ import jax
 import jax.numpy as jnp
 
 from jaxgear._compiled import lasting
-from jaxgear._dynamics._floquet import SlowModes, monodromy_along
+from jaxgear._dynamics._floquet import SlowModes, march_along
 from jaxgear._dynamics._harmonic import Balance, HarmonicBalance
 from jaxgear._dynamics._harmonic_problem import Problem, imbalance, linearised, root_of
 from jaxgear._dynamics._orbit import Orbit, contact_force
+from jaxgear._dynamics._step_product import Monodromy, mean_tangents, product_of_steps
 from jaxgear._dynamics._system import DynamicSystem
 from jaxgear._dynamics._types import Responses, StepPlaces, Terms
+from jaxgear._dynamics._windows import MeshVariation, variation_of
 from jaxgear._types import Flag, Reals, Scalar
 
 
@@ -149,16 +151,18 @@ def _measures(system: DynamicSystem, orbit: Orbit) -> tuple[Scalar, Scalar]:
 
 
 @lasting
-def monodromy_of(balance: Balance, slow: SlowModes, unknowns: Reals, place: StepPlaces) -> Reals:
-    """The monodromy matrix of the slow modes about a point whose mesh coordinates are known."""
-    return monodromy_along(
-        balance.system,
-        slow.basis,
-        jnp.exp(unknowns[-1]),
-        place,
-        law=balance.law,
-        follows=slow.follows,
-    )
+def monodromy_of(
+    balance: Balance, slow: SlowModes, unknowns: Reals, place: StepPlaces
+) -> tuple[Monodromy, MeshVariation]:
+    """The monodromy matrix of the slow modes about a point, and what it is made of.
+
+    The point's mesh coordinates in mid-steps are known [m, rad].
+    """
+    speed = jnp.exp(unknowns[-1])
+    march = march_along(balance.system, slow.basis, speed, place, law=balance.law)
+    tangents = mean_tangents(march, place)
+    matrix = product_of_steps(march, tangents, slow.follows)
+    return matrix, variation_of(march, tangents, slow)
 
 
 @lasting

@@ -182,9 +182,9 @@ def _walk(
     heading = heading_of(first)
 
     def end(why: End) -> _Walk:
-        seen = guide.see_all(points)
+        seen, turns = guide.with_windows(guide.see_all(points), folds)
         doublings, tori = guide.changes(seen)
-        return _Walk(seen, [(i, guide.see(x)) for i, x in folds], doublings, tori, why)
+        return _Walk(seen, [(i, guide.see(x)) for i, x in turns], doublings, tori, why)
 
     while len(points) < most_points:
         here = points[-1]

@@ -18,8 +18,9 @@ from jaxgear._dynamics._branch import (
     monodromy_of,
     seen_of,
 )
-from jaxgear._dynamics._floquet import leading_multipliers, slow_modes
+from jaxgear._dynamics._floquet import STABLE, leading_multipliers, slow_modes
 from jaxgear._dynamics._harmonic import Balance, HarmonicBalance
+from jaxgear._dynamics._windows import MeshVariation, windows_of
 
 
 class Place(NamedTuple):
@@ -36,6 +37,13 @@ class Place(NamedTuple):
     doubling: tuple[float, float] = (1.0, 0.0)
     # Logarithm of the largest size of a complex multiplier.
     ring: float = -np.inf
+    # Speeds near which it may be unstable.
+    windows: tuple[float, ...] = ()
+
+    @property
+    def is_stable(self) -> bool:
+        """Whether its multipliers say so."""
+        return abs(self.multiplier) <= STABLE
 
 
 def hides_event(here: Place, ahead: Place) -> bool:
@@ -88,17 +96,18 @@ class Guide:
 
     def see(self, point: Place) -> Place:
         """A point with all that is to be known of it."""
-        return self._judged(*self._looked_at(point))
+        point, matrix, _ = self._looked_at(point)
+        return self._judged(point, matrix)
 
-    def _looked_at(self, point: Place) -> tuple[Place, np.ndarray | None]:
-        """A point whose response is known, and its monodromy matrix if that is asked for."""
+    def _looked_at(self, point: Place) -> tuple[Place, np.ndarray | None, MeshVariation | None]:
+        """A point whose response is known, and of what its stability is found if asked for."""
         unknowns = jnp.asarray(point.unknowns)
         seen = point.seen or jax.device_get(seen_of(self.balance, unknowns))
         point = point._replace(seen=None, ratio=float(seen.ratio), te_rms=float(seen.te_rms))
         if not self.stability:
-            return point, None
-        matrix = monodromy_of(self.balance, self.slow, unknowns, jnp.asarray(seen.place))
-        return point, jax.device_get(matrix)
+            return point, None, None
+        found = monodromy_of(self.balance, self.slow, unknowns, jnp.asarray(seen.place))
+        return point, *jax.device_get(found)
 
     def _judged(self, point: Place, matrix: np.ndarray | None) -> Place:
         """A point with its stability, by its monodromy matrix."""
@@ -113,6 +122,13 @@ class Guide:
             ring=float(np.log(np.abs(pairs[0]))) if pairs.size else -np.inf,
         )
 
+    def _judged_around(
+        self, point: Place, matrix: np.ndarray | None, variation: MeshVariation | None
+    ) -> Place:
+        """A point with its stability, and where near it this may be another."""
+        windows = () if variation is None else tuple(np.log(windows_of(variation)))
+        return self._judged(point, matrix)._replace(windows=windows)
+
     def see_all(self, points: list[Place]) -> list[Place]:
         """Points with all that is to be known of them; eigenvalues beside the next matrix.
 
@@ -120,8 +136,42 @@ class Guide:
         rows, have waited for each other for ever on two cores.
         """
         with concurrent.futures.ThreadPoolExecutor(1) as pool:
-            judged = [pool.submit(self._judged, *self._looked_at(point)) for point in points]
+            judged = [pool.submit(self._judged_around, *self._looked_at(point)) for point in points]
             return [each.result() for each in judged]
+
+    def with_windows(self, points: list[Place], folds: "Events") -> "tuple[list[Place], Events]":
+        """Points that are seen, with more of them in windows that lie between two; and folds."""
+        for _ in range(_ROUNDS):
+            more = [self.see_all(self._in_windows(*pair)) for pair in itertools.pairwise(points)]
+            if not any(more):
+                break
+            places = np.cumsum([0, *(1 + len(each) for each in more)])
+            folds = [(int(places[index]), fold) for index, fold in folds]
+            joined = [[point, *each] for point, each in zip(points, [*more, []], strict=True)]
+            points = list(itertools.chain.from_iterable(joined))
+        return points, folds
+
+    def _in_windows(self, here: Place, ahead: Place) -> list[Place]:
+        """Points where, between two, the response may be unstable."""
+        chord = ahead.unknowns - here.unknowns
+        way, length = heading_of(here), chord[-1]
+        turns = way * heading_of(ahead) <= 0.0 or way * length <= 0.0
+        if turns or not (here.is_stable or ahead.is_stable):
+            return []
+        # Of both ends the nearer one knows best, a little beyond the middle as well.
+        share_of = lambda window: (window - here.unknowns[-1]) / length
+        near = [share for share in map(share_of, here.windows) if 0.0 < share < _BEYOND]
+        far = [share for share in map(share_of, ahead.windows) if 1.0 - _BEYOND < share < 1.0]
+        found: list[Place] = []
+        last = 0.0
+        for share in sorted(near + far):
+            if min(share - last, 1.0 - share) * abs(length) > _APART:
+                guess = here.unknowns + share * chord
+                point = self.correct_at_speed(guess, way)
+                if point and distance_between(point.unknowns, guess) < 0.5 * length_of(chord):
+                    found.append(point)
+                    last = share
+        return found
 
     def measure_at(self, point: Place) -> np.ndarray:
         """Weights of a change of each unknown in the length of a step there, as (9.4)."""
@@ -233,6 +283,10 @@ _FOLD_ACCURACY, _PASSAGE_ACCURACY, _ON_CIRCLE = 1e-9, 1e-7, 1e-2
 # A change of the vibration is measured by so many times its size, unless static deflections are
 # less; by no less than so many of these.
 _VIBRATION, _LEAST = 2.0, 1e-4
+
+# Windows are looked into twice: the second time from the points of the first. Relative speeds
+# between points within them, and how far the nearer of two ends may be from one.
+_ROUNDS, _APART, _BEYOND = 2, 2e-4, 0.55
 
 # Distance between responses that are one, and tangents that do not lean to either side.
 _SAME, _UPRIGHT = 1e-4, 1e-9

@@ -9,11 +9,11 @@ import jax
 import jax.numpy as jnp
 
 from jaxgear._checks import require
-from jaxgear._dynamics._floquet import product_of_steps, tangents_of
 from jaxgear._dynamics._march import cycle, quasi_static_start
 from jaxgear._dynamics._march_step import march_of
 from jaxgear._dynamics._orbit import AbstractMethod, Orbit, bears_load, without_derivatives
 from jaxgear._dynamics._pressing import CONTACT_TOLERANCE
+from jaxgear._dynamics._step_product import product_of_steps, tangents_of
 from jaxgear._dynamics._steppers import AbstractStepper, Exponential
 from jaxgear._dynamics._system import DynamicSystem, modal_basis
 from jaxgear._dynamics._types import Start

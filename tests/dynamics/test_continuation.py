@@ -199,6 +199,22 @@ def _hill(speed):
     return np.linalg.det(matrix / np.abs(np.diag(matrix))[:, None]).real
 
 
+def test_windows_narrower_than_a_step_are_found():
+    """Mathieu's oscillator, barely excited: near twice its frequency its period doubles."""
+    ripple, damping = 0.0105, 0.0025
+    system = sdof_parametric(steps=STEPS, damping_ratio=damping, ripple=ripple)
+    curve = continuation(system, 1.7, 2.4, method=AVERAGED)
+    # By averaging: growth where half the ripple's share of the square exceeds the damping.
+    half = 2.0 * np.sqrt((ripple / 4.0) ** 2 - damping**2)
+    edges = [point.speed for point in curve.doublings]
+    assert_close(np.asarray(edges), np.array([2.0 - half, 2.0 + half]), rtol=5e-5, atol=0.0)
+    assert np.sum(~curve.stable) == 1
+    assert np.sum(np.abs(curve.speed - 2.0) < 0.05) < 6
+    # A little more damping, and there is none.
+    calm = sdof_parametric(steps=STEPS, damping_ratio=0.0027, ripple=ripple)
+    assert continuation(calm, 1.7, 2.4, method=AVERAGED).doublings == ()
+
+
 @pytest.mark.slow
 def test_periods_double_where_hills_determinant_vanishes():
     # No contact is lost there, so that the oscillator is linear in its disturbances.

@@ -8,14 +8,8 @@ from dynamics import cases
 from helpers import quick
 
 import jaxgear as jg
-from jaxgear._dynamics._floquet import (
-    _JOINED,
-    _blocks,
-    _over,
-    _Step,
-    leading_multipliers,
-    slow_modes,
-)
+from jaxgear._dynamics._floquet import leading_multipliers, slow_modes
+from jaxgear._dynamics._step_product import _JOINED, _blocks, _over, _Step
 
 
 @pytest.mark.parametrize(("length", "seen"), [(2 * _JOINED + 7, 2), (2 * _JOINED, 4), (3, 2)])

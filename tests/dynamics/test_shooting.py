@@ -10,12 +10,13 @@ import pytest
 from dynamics import cases
 from helpers import quick
 
-from jaxgear._dynamics._floquet import floquet_multipliers, monodromy, product_of_steps, tangents_of
+from jaxgear._dynamics._floquet import floquet_multipliers, monodromy
 from jaxgear._dynamics._harmonic import HarmonicBalance
 from jaxgear._dynamics._march import TimeStepping, cycle, quasi_static_start
 from jaxgear._dynamics._march_step import march_of
 from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steady_state import steady_state
+from jaxgear._dynamics._step_product import product_of_steps, tangents_of
 from jaxgear._dynamics._steppers import Exponential, Midpoint, Newmark
 from jaxgear._dynamics._system import modal_basis
 from jaxgear._interface._laws import ExactContact, SmoothContact
