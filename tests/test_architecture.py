@@ -637,6 +637,7 @@ def test_every_public_name_is_there_when_asked_for(name):
         _ = package.no_such_name
 
 
+@pytest.mark.slow
 @pytest.mark.end_to_end
 def test_import_makes_no_array():
     # One made before the user's script turns double precision on would be in single precision,

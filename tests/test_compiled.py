@@ -160,6 +160,7 @@ def test_only_a_program_that_is_asked_to_raise_calls_back(throw_in_jit: bool):
         assert not np.all(program.compile()(80.0).converged)
 
 
+@pytest.mark.slow
 def test_refusals_by_values_stand_outside_of_what_is_compiled():
     system = jg.pair_dynamics(_model(), _grid(32)).system
     for speed in (0.0, -3.0):

@@ -15,7 +15,6 @@ import hybrid_cases
 import numpy as np
 import platformdirs
 import pytest
-from helpers import quick
 
 from fem_prep import _archive, _body_file, _cache, _condense
 from fem_prep._archive import read_about
@@ -401,7 +400,8 @@ def _of_sectors(holes: int = 0) -> ReducedBody:
     return hybrid_cases.body("spur", 1, holes=holes, modes=8, rotating=True)
 
 
-@pytest.mark.parametrize("holes", quick(1, [6, 0]))
+@pytest.mark.slow
+@pytest.mark.parametrize("holes", [6, 0])
 def test_equal_sectors_are_kept_once_and_come_back_to_the_last_digit(tmp_path, holes):
     path, body = tmp_path / "wheel.body", _of_sectors(holes)
     digest = write_body(path, body)

@@ -88,6 +88,7 @@ def test_too_little_memory_is_named(monkeypatch):
         factorise(held_stiffness(), "superlu")
 
 
+@pytest.mark.slow
 def test_nodes_are_eliminated_whole_and_leave_fewer_entries():
     """Against the library's order of single unknowns, which this replaces."""
     fineness = MeshSizing(sectors=48, rim_axial=3, rim_radial=1, web_radial=5, hub_radial=1)

@@ -75,6 +75,7 @@ def test_an_even_pressure_is_centred():
     assert abs(offset) < 1e-12
 
 
+@pytest.mark.slow
 def test_offset_of_a_slope_by_hand():
     """Pressure goes with the root of a load that is linear across the face."""
     square, offset, *_ = _judged(4.0, pressure=1e-3 * MPa)
@@ -132,6 +133,7 @@ def test_ends_that_do_not_touch_carry_nothing():
         optimise.EdgeLoad(slices=0)
 
 
+@pytest.mark.slow
 def test_slopes_are_those_of_differences():
     def value(x):
         model, cycle = _cycle(x)

@@ -107,6 +107,7 @@ def test_largest_pressure_is_a_bound_in_megapascals(settled):
     assert exact < found < exact + math.log(cells)
 
 
+@pytest.mark.slow
 def test_face_load_factor_is_a_bound(sloped):
     """The exact factor, and at most `width ln(slices)` above it."""
     model, cycle = sloped

@@ -29,8 +29,9 @@ _STRONG = 0.5
 # Vibrations that no other ties to the mesh by this part of their damping take no part.
 _WEAK = 0.1
 
-# Least ratio of damping that is told from none.
-_LEAST_DAMPED = 1e-9
+# Least ratio of damping that is told from none, and of the width of a window to its speed: without
+# damping there are some of any width.
+_LEAST_DAMPED, _LEAST_WIDE = 1e-9, 2e-4
 
 
 class MeshVariation(NamedTuple):
@@ -115,8 +116,10 @@ def windows_of(variation: MeshVariation) -> np.ndarray:
     both = pushes @ ties @ seen.conj()
     growth = (both * np.swapaxes(both, 1, 2).conj()).real
     order = np.arange(1.0, len(ties) + 1.0)[:, None, None]
-    speeds = variation.unit * (frequency[:, None] + frequency[None, :]) / order
-    return np.unique(speeds[growth > _STRONG * decay[:, None] * decay[None, :]])
+    sums = frequency[:, None] + frequency[None, :]
+    # Without damping the frequencies may be off their sum by twice the root of this.
+    least = np.maximum(_STRONG * np.outer(decay, decay), (0.25 * _LEAST_WIDE * sums) ** 2)
+    return np.unique((float(variation.unit) * sums / order)[growth > least])
 
 
 def _excitable(variation: MeshVariation) -> tuple[np.ndarray, ...]:
@@ -127,15 +130,15 @@ def _excitable(variation: MeshVariation) -> tuple[np.ndarray, ...]:
     Their stiffness [1/s2] and rates [1/s], their mesh coordinates [kg^-1/2], and the harmonics of
     the mesh load that excite.
     """
-    onto, excess = np.asarray(variation.mesh), np.asarray(variation.excess)
-    number = excess.shape[2] // onto.shape[1]
-    mean = [onto @ part.real @ onto.T for part in np.split(excess[0], number, axis=1)]
-    squares, rates = variation.squares + mean[0], variation.rates + sum(mean[1:])
+    rates, squares, mesh, excess, _ = map(np.asarray, variation)
+    number = excess.shape[2] // mesh.shape[1]
+    mean = [mesh @ part.real @ mesh.T for part in np.split(excess[0], number, axis=1)]
+    squares, rates = squares + mean[0], rates + sum(mean[1:])
     own, shapes = np.linalg.eigh(0.5 * (squares + squares.T))
     own, shapes = own[own > 0.0], shapes[:, own > 0.0]
     frequency, decay = np.sqrt(own), 0.5 * np.sum(shapes * (rates @ shapes), axis=0)
     decay = np.maximum(decay, _LEAST_DAMPED * frequency)
-    onto = shapes.T @ onto
+    onto = shapes.T @ mesh
     sides = [onto.T, 1j * onto.T * frequency][:number]
     size = np.abs(onto @ excess[1:] @ np.concatenate(sides)).max(axis=0)
     tied = size * size.T / (4.0 * np.outer(frequency * decay, frequency * decay))
@@ -143,6 +146,6 @@ def _excitable(variation: MeshVariation) -> tuple[np.ndarray, ...]:
     return (
         shapes.T @ squares @ shapes,
         shapes.T @ rates @ shapes,
-        shapes.T @ variation.mesh,
+        shapes.T @ mesh,
         excess[1:],
     )

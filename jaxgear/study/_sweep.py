@@ -102,7 +102,9 @@ def sweep_result(built: BuiltScene, dynamics: Dynamics, seen: Watch | None = Non
     summary = {
         "damping": damping_summary(scene.damping, dynamics),
         "sweep": _sweep_summary(scene.sweep, scene.gears, dynamics, found, dataset),
-        "notes": sweep_notes(scene, found.unsettled, count, list(found.pieces_lost())),
+        "notes": sweep_notes(
+            scene, found.unsettled, count, list(found.pieces_lost()), found.passed_over()
+        ),
     }
     if any(gear.shaft.unbalance for gear in scene.gears.values()):
         from jaxgear.study._unbalance import shaken

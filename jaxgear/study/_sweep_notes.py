@@ -20,8 +20,17 @@ from jaxgear.study._steady import SteadyPoint
 STEPS_IN_PERIOD = 10
 
 
-def sweep_notes(scene: Scene, unsettled: int, responses: int, lost: list[str]) -> list[str]:
-    """Remarks on a sweep: what does nothing, is out of reach, did not settle, or was lost."""
+def sweep_notes(
+    scene: Scene,
+    unsettled: int,
+    responses: int,
+    lost: Sequence[str] = (),
+    passed_over: Sequence[tuple[float, float]] = (),
+) -> list[str]:
+    """Remarks on a sweep: what does nothing, is out of reach, did not settle, or was lost.
+
+    And ranges of speed that it passes over in which its branch is unstable [rad/s].
+    """
     found: list[str] = []
     if scene.sweep.centrifugal and not scene.condensed:
         found.append(
@@ -50,6 +59,14 @@ def sweep_notes(scene: Scene, unsettled: int, responses: int, lost: list[str]) -
         f"The branch was followed no further: {why}. What lies beyond is shown by the sweep alone."
         for why in lost
     ]
+    if passed_over:
+        ranges = ", ".join(f"{low:.6g} to {high:.6g}" for low, high in passed_over)
+        found.append(
+            Doubtful(
+                f"Between the speeds of the sweep its branch is unstable: {ranges} rad/s. Add "
+                "speeds there to sweep.pinion_speed_rad_s to see what a machine does instead."
+            )
+        )
     return found
 
 

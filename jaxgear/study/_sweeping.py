@@ -234,6 +234,21 @@ class Sweep:
         """Number of responses that did not settle."""
         return sum(not r.settled for own in self.responses.values() for r in own)
 
+    def passed_over(self) -> list[tuple[float, float]]:
+        """Ranges of speed, between two that were swept, in which a branch is unstable [rad/s]."""
+        found: list[tuple[float, float]] = []
+        for piece in self.curves:
+            edges = {event.after: event.speed for event in (*piece.doublings, *piece.tori)}
+            changes = np.flatnonzero(np.diff(piece.stable.astype(int)))
+            for first, last in itertools.pairwise(changes):
+                # Between folds a machine is on another branch, which the sweep shows.
+                if not piece.stable[first] or first not in edges or last not in edges:
+                    continue
+                low, high = sorted((edges[first], edges[last]))
+                if not np.any((self.speeds >= low) & (self.speeds <= high)):
+                    found.append((low, high))
+        return sorted(found)
+
     def pieces_lost(self) -> Iterator[str]:
         """Why a branch could not be followed to its end, if it could not."""
         for piece in self.curves:

@@ -100,6 +100,7 @@ def test_bearings_carry_what_statics_by_hand_says(helical):
     assert second["load_N"]["T"] == pytest.approx(0.4 * tangential, rel=0.02)
 
 
+@pytest.mark.slow
 def test_the_drawing_shows_the_gears_as_they_are(helical, written):
     driven = _solved(written, _HELIX)
     names = helical.datasets["axes"]["arrow"].values.tolist()

@@ -305,6 +305,7 @@ def _texts(figure: Figure):
     assert page.width > 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.end_to_end
 @each_case
 def test_no_text_lies_on_another_or_leaves_the_page(case):

@@ -196,6 +196,7 @@ def test_values_have_bounds(live):
         live.slopes(live.values({}), "te")
 
 
+@pytest.mark.slow
 def test_page_asks_and_is_answered(explorer, live):
     status, page = _asked(explorer, "GET", urllib.parse.urlsplit(explorer.address).path, b"")
     assert status == 403

@@ -74,6 +74,7 @@ def test_a_sweep_says_how_much_and_where(dataset):
     assert dataset["tooth_line_load_N_mm"].dims == ("direction", "speed", "tooth_pair")
 
 
+@pytest.mark.slow
 def test_pictures_have_their_data(dataset, tmp_path):
     chosen = [_loads(500.0, 1), _loads(900.0, 2)]
     holes = np.array([[30.0, 8.0]]) * deg

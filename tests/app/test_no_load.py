@@ -67,6 +67,7 @@ def test_it_is_what_every_run_under_load_says(write):
     np.testing.assert_allclose(free.dataset["unloaded_te_um"].values, alone, rtol=0, atol=0)
 
 
+@pytest.mark.slow
 def test_every_variable_has_a_unit_and_the_picture_its_tables(write):
     result = studies.run(read_scene(write(_SCENE), [_SLOPE, "sweep.pinion_speed_rad_s=[100.0]"]))
     for dataset in result.datasets.values():

@@ -59,6 +59,7 @@ def test_table_is_as_modelica_reads_it():
     assert values == [[0, 1, 2], [0, 3, 4], [0.5, 5, 6]]
 
 
+@pytest.mark.slow
 def test_flanks_come_back_as_measured_ones(tmp_path, capsys):
     """What is written reads as `topography_csv`, and deviates as the flank did."""
     scene = example_scene(

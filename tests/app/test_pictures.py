@@ -560,6 +560,7 @@ def test_without_pictures_data_is_written_all_the_same(tmp_path):
     assert (bare / names[0]).read_bytes() == (tmp_path / names[0]).read_bytes()
 
 
+@pytest.mark.slow
 def test_a_result_is_drawn_again_without_jax(groups, tmp_path):
     """The same files as of the datasets in memory."""
     again = tmp_path / "again"

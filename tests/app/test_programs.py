@@ -8,7 +8,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import quick
 from jaxtyping import Array
 from made_programs import made_programs
 
@@ -35,8 +34,9 @@ _OTHER = (
 
 
 # Most of them are single operations, but for about one of each picture and each stage.
+@pytest.mark.slow
 @pytest.mark.end_to_end
-@pytest.mark.parametrize(("command", "most"), quick(1, [("modes", 19), ("run", 22), ("map", 22)]))
+@pytest.mark.parametrize(("command", "most"), [("modes", 19), ("run", 22), ("map", 22)])
 def test_a_command_is_a_few_programs_and_with_other_numbers_none(command, most, tmp_path):
     folder = Folder(tmp_path, pictures=False)
     run = lambda *changes: COMMANDS[command](

@@ -62,11 +62,13 @@ def test_ribs_take_from_what_a_webbed_rim_gives_and_are_reciprocal(found):
     assert np.abs(found[0, :, 0].reshape(8, 6, 8, 6)[:, 2:5]).max() == 0.0
 
 
+@pytest.mark.slow
 def test_lines_are_told_apart_by_the_turns_between_their_teeth_alone(found):
     np.testing.assert_array_equal(found[0, :, 0], found[1, :, 1])
     np.testing.assert_array_equal(found[0, :, 1], found[1, :, 0].T)
 
 
+@pytest.mark.slow
 def test_holes_change_nothing_and_a_solid_disc_has_none(scene, found):
     plan = body_plan(scene, "wheel")
     assert isinstance(plan.source, Drawn)

@@ -54,6 +54,7 @@ def test_numbers_are_those_of_a_run(solved):
         assert float(row[name]) == pytest.approx(float(numbers[name]), rel=1e-8), name
 
 
+@pytest.mark.slow
 def test_every_combination_at_every_torque_in_order(solved):
     summary, rows = solved
     assert summary["combinations"] == 6

@@ -210,13 +210,14 @@ def test_a_slow_pair_has_its_quasi_static_transmission_error(folder):
     assert dataset["bearing_load_order_N"].shape == (1, 1, 2, 3, 1)
 
 
-def test_a_branch_is_plain_where_nothing_makes_a_machine_leave_it():
-    some, point = np.ones(3), CurvePoint(2.0, 1.0, np.zeros((1, 3)), 1)
-    plain = Curve(
-        speed=np.array([1.0, 2.0, 3.0]),
+def _curve(speed: list[float], **changes: Any) -> Curve:
+    """A stable piece of a branch, its values all the same, but for some changes."""
+    some = np.ones(len(speed))
+    piece = Curve(
+        speed=np.array(speed),
         dynamic_ratio=some,
         te_rms=some,
-        terms=np.zeros((3, 1, 3)),
+        terms=np.zeros((len(speed), 1, 3)),
         multiplier=0.5j * some,
         stable=some > 0.0,
         folds=(),
@@ -225,6 +226,15 @@ def test_a_branch_is_plain_where_nothing_makes_a_machine_leave_it():
         ends=("began", "left"),
         steps=0,
     )
+    return dataclasses.replace(piece, **changes)
+
+
+def _event(speed: float, after: int) -> CurvePoint:
+    return CurvePoint(speed, 1.0, np.zeros((1, 3)), after)
+
+
+def test_a_branch_is_plain_where_nothing_makes_a_machine_leave_it():
+    plain, point = _curve([1.0, 2.0, 3.0]), _event(2.0, 1)
     assert is_plain((plain,))
     assert not is_plain(())
     assert not is_plain((plain, plain))
@@ -233,6 +243,22 @@ def test_a_branch_is_plain_where_nothing_makes_a_machine_leave_it():
     changes += [{"speed": np.array([1.0, 3.0, 2.0])}]
     for change in changes:
         assert not is_plain((dataclasses.replace(plain, **change),)), change
+
+
+def test_what_a_sweep_passes_over_is_unstable_between_two_of_its_speeds():
+    """Ranges with a speed in them are seen; on a fold's unstable part no machine was."""
+    stable = np.array([True, False, True, True, False, True, False, True])
+    piece = _curve(
+        [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 5.5, 7.0],
+        stable=stable,
+        doublings=(_event(1.9, 0), _event(2.1, 1)),
+        tori=(_event(4.5, 3), _event(5.5, 4)),
+        folds=(_event(6.1, 5), _event(5.4, 6)),
+    )
+    over = lambda *speeds: Sweep(np.asarray(speeds), {}, (piece,), {}).passed_over()
+    assert over(1.0, 3.0, 4.0, 7.0) == [(1.9, 2.1), (4.5, 5.5)]
+    assert over(1.0, 2.0, 3.0, 4.0, 7.0) == [(4.5, 5.5)]
+    assert over(1.0, 2.0, 3.0, 5.0, 7.0) == []
 
 
 # --- From the scene to the library
@@ -434,17 +460,19 @@ def test_what_a_condensed_body_cannot_show_is_said(folder):
     bodies = {"wheel": SimpleNamespace(basis=basis, on_modes=None)}
     scene = dataclasses.replace(bare, bodies=bodies)
     # 9 kHz is the 2.83rd order of 20 teeth at 1000 rad/s, the 47.1st at 60.
-    too_many, reach = sweep_notes(scene, 0, 2, [])
+    too_many, reach = sweep_notes(scene, 0, 2)
     assert "asks for 16 modes, but the wheel's condensed body has 2" in too_many
     assert "mode 2 of the wheel's body, 9000 Hz with 4 nodal diameters" in reach
     assert "below 565.49 rad/s" in reach
     assert "sweep.harmonics must be at least 3 at 1000 rad/s, 48 at 60 rad/s" in reach
     marched = scene.replace({"sweep.method": "newmark", "sweep.steps": 24})
-    (_, reach) = sweep_notes(marched, 0, 2, [])
+    (_, reach) = sweep_notes(marched, 0, 2)
     assert "at all speeds up to 1000 rad/s" in reach
     assert "sweep.steps must be at least 29 at 1000 rad/s, 472 at 60 rad/s" in reach
     fine = scene.replace({"sweep.harmonics": 48, "model.coordinates": 2})
-    assert sweep_notes(fine, 0, 2, []) == []
+    assert sweep_notes(fine, 0, 2) == []
+    (passed,) = sweep_notes(fine, 0, 2, (), ((929.1, 940.75), (1081.9, 1083.3)))
+    assert "unstable: 929.1 to 940.75, 1081.9 to 1083.3 rad/s" in passed
 
 
 def test_prominent_maxima_are_those_of_scipy():

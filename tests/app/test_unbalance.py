@@ -138,6 +138,7 @@ def test_a_scene_whirls_as_jeffcott_says(rotors):
     assert "teeth part" in note
 
 
+@pytest.mark.slow
 def test_its_picture_has_bearings_critical_speeds_and_units(rotors):
     (picture,) = plot.pictures({"unbalance": titled(rotors.dataset, "rotors")})
     figure = picture.draw()

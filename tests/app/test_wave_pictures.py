@@ -137,6 +137,7 @@ def found(scene, watch, motion):
         yield waves_seen(scene.title, watch, sweep)
 
 
+@pytest.mark.slow
 def test_the_wave_is_named(found):
     (found,) = found.summary
     assert (found["order"], found["nodal_diameters"]) == (TEETH - 2, 2)
@@ -162,6 +163,7 @@ def test_the_wave_is_named(found):
     assert largest[2]["rms_um"] > 1e3 * max(largest[n]["rms_um"] for n in (-2, -1, 0, 1, 3))
 
 
+@pytest.mark.slow
 def test_gauges_show_the_orders_that_doppler_says(watch, found):
     # A forward wave of two nodal diameters driven at the order of the teeth.
     spectra = found.datasets["gauges_moving"]
@@ -178,6 +180,7 @@ def test_gauges_show_the_orders_that_doppler_says(watch, found):
     assert len(fixed.places) == TEETH
 
 
+@pytest.mark.slow
 def test_a_gauge_reads_the_strain_of_the_grid(watch, motion):
     each = watch.looked["wheel"]
     body, gauge = each.body, each.gauges[0]
@@ -198,6 +201,7 @@ def test_a_gauge_reads_the_strain_of_the_grid(watch, motion):
     assert own[0] == pytest.approx(strain[0] + 1j * strain[1], rel=1e-8)
 
 
+@pytest.mark.slow
 def test_a_gauge_on_the_web_moves_as_the_grid_does(watch, motion):
     each = watch.looked["wheel"]
     body, probe = each.body, each.probes[0]
@@ -247,6 +251,7 @@ def test_pictures_and_shapes_are_written(found, tmp_path, monkeypatch):
     assert largest["nodal_diameters"][np.argmax(largest["axial_um"])] == 2
 
 
+@pytest.mark.slow
 def test_probes_say_what_they_cannot_see(scene, watch):
     body = watch.looked["wheel"].body
     at = lambda **place: dataclasses.replace(scene, fixed={**scene.fixed, **place})
@@ -266,6 +271,7 @@ def test_probes_say_what_they_cannot_see(scene, watch):
     assert usual.turns
 
 
+@pytest.mark.slow
 def test_the_usual_probes_are_on_the_rim(watch, motion):
     found = _probes._usual(watch.looked["wheel"].body)
     assert [probe.turns for probe in found] == [True, True, False, False]

@@ -435,6 +435,7 @@ def test_every_field_that_shapes_a_tooth_has_a_gradient():
     assert len(flat) == 24
 
 
+@pytest.mark.slow
 def test_gradients_of_iso():
     argument = helical_25_31(), _load(80.0)
 

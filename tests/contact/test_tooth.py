@@ -336,6 +336,7 @@ def test_compliances_fall_with_stiffness():
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("law", "make", "index", "place"),
     [

@@ -305,6 +305,7 @@ def test_nothing_pushes_within_the_backlash():
 # --- both flanks in one table
 
 
+@pytest.mark.slow
 def test_joined_tables_push_as_each_does_alone():
     _, drive, back = _tables()
     both = with_back_flanks(drive, back)
@@ -317,6 +318,7 @@ def test_joined_tables_push_as_each_does_alone():
     np.testing.assert_allclose(joined, np.concatenate(alone, axis=1), rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_flank_that_is_not_coupled_stands_alone():
     _, drive, back = _tables()
     stiff = dataclasses.replace(back, coupling=None)

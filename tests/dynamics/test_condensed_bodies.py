@@ -328,6 +328,7 @@ def _rigid_mass() -> np.ndarray:
     return basis.following.T @ body.mass @ basis.following
 
 
+@pytest.mark.slow
 def test_a_load_fixed_in_space_moves_a_stiff_wheel_the_same_at_every_speed():
     dynamics = _pair(1500.0, 1e6)
     seat = _seat(dynamics)
@@ -345,6 +346,7 @@ def test_a_load_fixed_in_space_moves_a_stiff_wheel_the_same_at_every_speed():
     assert mass * (4000.0 * RATIO) ** 2 / 1e8 > 5e-3
 
 
+@pytest.mark.slow
 def test_rates_of_a_stiff_wheel_are_those_of_a_gyroscope():
     dynamics = _pair(1500.0, 1e6)
     seat = _seat(dynamics)
@@ -361,6 +363,7 @@ def test_rates_of_a_stiff_wheel_are_those_of_a_gyroscope():
     assert_near(block / size[:, None] / size, wanted / size[:, None] / size, 1e-8)
 
 
+@pytest.mark.slow
 def test_seats_are_in_space_by_default():
     system, dynamics = _by_default(), _pair()
     seat = _seat(dynamics)
@@ -764,6 +767,7 @@ def _of_sectors(body: ReducedBody, sectors: int) -> ReducedBody:
     return dataclasses.replace(body, facts={**body.facts, "sectors": sectors})
 
 
+@pytest.mark.slow
 def test_a_cycle_that_ends_where_holes_are_not_the_same_is_refused():
     """Six holes under 24 teeth come again after four mesh periods, but with modes turned over."""
     with pytest.raises(ValueError, match=r"repeats under its teeth after 8 mesh periods.*over 4"):

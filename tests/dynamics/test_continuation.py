@@ -296,7 +296,8 @@ def _build(parameters):
 PARAMETERS = {"mass": 1.0, "damping": 2.0 * DAMPING, "load": 1.0, "ripple": RIPPLE}
 
 
-@pytest.mark.parametrize("fold", quick(1, [0, 1]), ids=["up", "down"])
+@pytest.mark.slow
+@pytest.mark.parametrize("fold", [0, 1], ids=["up", "down"])
 def test_gradient_of_a_fold_agrees_with_differences_and_scaling(fold):
     parameters = {name: jnp.asarray(value) for name, value in PARAMETERS.items()}
     begun = _once().folds[fold]
@@ -318,6 +319,7 @@ def test_gradient_of_a_fold_agrees_with_differences_and_scaling(fold):
     assert abs(slopes["load"]) < 1e-9 * abs(slopes["mass"])
 
 
+@pytest.mark.slow
 def test_corners_and_ordinary_points_are_refused_a_gradient():
     parameters = {name: jnp.asarray(value) for name, value in PARAMETERS.items()}
     exact, fold = HarmonicBalance(), _once().folds[0]

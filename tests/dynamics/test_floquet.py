@@ -5,7 +5,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from dynamics import cases
-from helpers import quick
 
 import jaxgear as jg
 from jaxgear._dynamics._floquet import leading_multipliers, slow_modes
@@ -58,7 +57,8 @@ def _behind_a_spring(light: float) -> jg.DynamicSystem:
     )
 
 
-@pytest.mark.parametrize("speed", quick(1, [1.95, 0.7]))
+@pytest.mark.slow
+@pytest.mark.parametrize("speed", [1.95, 0.7])
 def test_fast_modes_follow_as_springs(speed):
     """Multipliers of the slow modes, stable and not: their error falls with the fast ones' mass."""
     errors = []

@@ -234,6 +234,7 @@ def test_harmonic_balance_is_the_closed_form_while_contact_is_closed(speed):
     assert_close(orbit.place[:, 0], expected, rtol=1e-12, atol=0.0)
 
 
+@pytest.mark.slow
 def test_two_coordinates_without_contact_loss_are_the_closed_form():
     system = two_dof(steps=64, ripple=0.0, load=20.0)
     speed, phase = 0.9, np.asarray(system.table.middles)
@@ -398,6 +399,7 @@ def test_shooting_finds_unstable_orbits_and_their_multipliers(speed, multiple):
     assert_close(np.real(grown), np.real(unstable.multipliers), rtol=2e-3, atol=0.0)
 
 
+@pytest.mark.slow
 def test_shooting_holds_the_values_of_b5_with_backlash():
     rows = _shaken()
     method = Shooting(warm_up=0)

@@ -83,6 +83,7 @@ def test_multipliers_shrink_as_damping_says():
     assert np.all(np.diff(np.abs(found)) <= 1e-12)
 
 
+@pytest.mark.slow
 def test_multipliers_without_contact_are_those_of_the_modes():
     system = cases.sdof_driven(load=10.0, damping_ratio=0.05)
     modes = modal_basis(system)

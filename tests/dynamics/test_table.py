@@ -17,6 +17,7 @@ from jaxgear._dynamics._table import END, MIDDLE, START, Mesh, mesh_at, mesh_wit
 EXACT = jg.ExactContact()
 
 
+@pytest.mark.slow
 def test_steps_follow_the_phases_of_statics():
     dynamics = cases.torsional_pair()
     lines = dynamics.cycle.cells.lines
@@ -29,6 +30,7 @@ def test_steps_follow_the_phases_of_statics():
         assert np.ptp(same) < 1e-12
 
 
+@pytest.mark.slow
 def test_places_of_relieved_flanks_meet_between_steps():
     table = cases.torsional_pair(relief=15e-6).system.table
     ends, starts = np.asarray(table.gap[2][:-1]), np.asarray(table.gap[0][1:])
@@ -124,6 +126,7 @@ def _coupled(random: np.random.Generator, lines: int) -> tuple[Mesh, np.ndarray,
     return mesh, stiffness, dense
 
 
+@pytest.mark.slow
 def test_mean_over_a_step_has_true_slopes_where_cells_share_a_body():
     """Slices on their own, and the same coupling as a matrix of all cells."""
     mesh, _, dense = _coupled(np.random.default_rng(4), 3)

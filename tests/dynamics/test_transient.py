@@ -413,6 +413,7 @@ def test_dense_output_and_progress_meter(capsys):
         dataclasses.replace(found, dense=None).at(jnp.asarray([1.0]))
 
 
+@pytest.mark.slow
 def test_too_few_steps_say_where_and_what_to_do():
     few = lambda **options: _run(_oscillator(), start=[[1.4], [0.0]], most_steps=300, **options)
     with pytest.raises(TransientError, match=r"stopped at \d.* after `most_steps` = 300 steps"):

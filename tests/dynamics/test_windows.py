@@ -1,5 +1,6 @@
 """Windows of instability by the first order, against products of exponentials."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy
@@ -17,20 +18,20 @@ def _case(damping: float, whirl: np.ndarray = WHIRL, order: int = 1) -> MeshVari
     excess = np.zeros((9, 1, 1), dtype=complex)
     excess[order] = 0.5 * RIPPLE
     rates = 2.0 * damping * np.sqrt(SQUARES) + whirl
-    return MeshVariation(rates, SQUARES, np.reshape(SEEN, (2, 1)), excess, np.asarray(UNIT))
+    parts = rates, SQUARES, np.reshape(SEEN, (2, 1)), excess, UNIT
+    return MeshVariation(*map(jnp.asarray, parts))
 
 
 def _growth(case: MeshVariation, speed: float, steps: int = 200) -> float:
     """Rate of growth of a disturbance, by the product of the exponentials of short steps."""
     frequency = speed / UNIT
-    seen, ripple = np.asarray(case.mesh), 2.0 * np.asarray(case.excess).real
+    rates, squares, seen, excess, _ = map(np.asarray, case)
+    ripple = 2.0 * excess.real
     order = np.arange(len(ripple))
     whole = np.eye(4)
     for step in range(steps):
         now = np.sum(ripple[:, 0, 0] * np.cos(2.0 * np.pi * order * (step + 0.5) / steps))
-        matrix = np.block(
-            [[np.zeros((2, 2)), np.eye(2)], [-case.squares - now * seen @ seen.T, -case.rates]]
-        )
+        matrix = np.block([[np.zeros((2, 2)), np.eye(2)], [-squares - now * seen @ seen.T, -rates]])
         whole = scipy.linalg.expm(2.0 * np.pi / frequency / steps * matrix) @ whole
     return np.log(np.abs(np.linalg.eigvals(whole)).max()) * frequency / (2.0 * np.pi)
 

@@ -150,6 +150,7 @@ def test_pitch_errors_are_along_the_normal():
 # --- gradients
 
 
+@pytest.mark.slow
 def test_gradients():
     """By class, shapes and gears, of profile, lead and pitch together."""
     profile, face = jnp.asarray([0.12, 0.55, 0.9]), jnp.asarray([-0.8, 0.2, 0.9])

@@ -326,6 +326,7 @@ def test_an_allowance_that_leaves_no_tip_is_refused():
 # --- gradients
 
 
+@pytest.mark.slow
 def test_backlash_and_back_lines_are_differentiable():
     """Steps stay where they are while the teeth move through them."""
     pair = _thinned(helical_25_31(), 60.0, 90.0)

@@ -78,6 +78,7 @@ def _line_count(ratio: float, overlap: float, first: np.ndarray, last: np.ndarra
     return total / (last - first)
 
 
+@pytest.mark.slow
 @every_pair
 def test_length_against_counting(make):
     """Every phase stands for its step; there the number of lines is integrated by hand."""
@@ -345,6 +346,7 @@ def test_film_run_backwards(make):
 # --- gradients
 
 
+@pytest.mark.slow
 def test_gradients():
     """A sum in which every phase, line and slice counts differently."""
     pair = helical_25_31()

@@ -398,6 +398,7 @@ def test_common_face_is_the_narrower():
 # --- gradients
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("names", [_LENGTHS, _ANGLES])
 def test_gradients_of_dimensions(names):
     """A different multiple of each, so that no two errors cancel."""

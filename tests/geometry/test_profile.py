@@ -291,6 +291,7 @@ def test_the_hand_of_the_helix_does_not_matter():
         assert_close(other, one, rtol=1e-14, atol=0.0)
 
 
+@pytest.mark.slow
 @over(helical_25_31, slow=(standard_17_43,))
 def test_gradients(make):
     """Every point and size of both sections, each counted differently."""

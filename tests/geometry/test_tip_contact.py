@@ -227,6 +227,7 @@ def test_the_ends_of_the_path_are_on_it_however_they_are_rounded(make):
     assert_close(_rolls(pair, roll), on_line, rtol=1e-14, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_gears_have_no_slope_where_the_gap_is_zero():
     pair = helical_25_31()
 
@@ -255,6 +256,7 @@ def test_slope_shortens_the_arm_of_the_force(make):
         assert_close(1.0 - slopes[body], arms / facing.other_base, rtol=1e-10, atol=0.0)
 
 
+@pytest.mark.slow
 @over(helical_25_31, slow=(standard_17_43,))
 def test_gap_is_differentiable_in_the_gears(make):
     pair = make()

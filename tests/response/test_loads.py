@@ -43,7 +43,8 @@ def test_load_sharing_sums_to_one(case):
     assert float(jnp.max(sharing)) <= 1.0 + 1e-12
 
 
-@pytest.mark.parametrize("case", quick(2, CASES))
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CASES)
 def test_pressure_off_ends_leaves_out_where_helical_teeth_come_and_go(case):
     drawing, law = CASES[case]
     model, cycle = _settled(drawing, law, depth=0.0)
@@ -166,6 +167,7 @@ def test_mesh_stiffness_of_a_helical_pair_has_the_mean_length():
     assert_close(mean, STIFFNESS * length, rtol=1e-3, atol=0.0)
 
 
+@pytest.mark.slow
 def test_loads_are_differentiable():
     """In what a cycle has found; that has derivatives in its turn, by tests of its own."""
     law = CASES["smooth"][1]

@@ -117,6 +117,7 @@ def test_even_load_on_the_narrower_gear_stays_even(settled):
     assert 0.0 < float(worst[1].height) < 0.5 * 1.5 * mm
 
 
+@pytest.mark.slow
 def test_gradient_by_flanks_and_torque(settled):
     model, grid, _, influences = settled
 

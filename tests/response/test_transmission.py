@@ -196,6 +196,7 @@ def test_unloaded_error_is_the_envelope_of_the_pairs_gaps():
     assert_close(jg.transmission_error(model.pair, cycle), found, rtol=0.0, atol=1e-10)
 
 
+@pytest.mark.slow
 def test_statistics_of_a_cycle_are_differentiable():
     """In its approach; that has derivatives in its turn, by tests of its own."""
     cycle, pair = _unmodified()[0], ACCESSORY.pair()

@@ -140,7 +140,8 @@ def test_unmodified_spur_pair_by_hand(ratio):
         )
 
 
-@pytest.mark.parametrize("phases", quick(1, [13, 8]))
+@pytest.mark.slow
+@pytest.mark.parametrize("phases", [13, 8])
 def test_unmodified_spur_pair_is_exact_on_any_grid(phases):
     drawing = with_contact_ratio(1.42)
     model = _model(drawing, 200.0)
@@ -242,6 +243,7 @@ def test_deep_relief_separates_neighbouring_teeth():
     assert_close(_error(model, cycle)[alone], np.full(alone.sum(), delta), rtol=1e-9, atol=0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "drawing",
     [pytest.param(ACCESSORY, marks=pytest.mark.slow), POWER],
@@ -426,7 +428,8 @@ def test_two_hundred_slices_agree_with_twenty():
     assert_close(means[0], means[1], rtol=2e-3, atol=0.0)
 
 
-@pytest.mark.parametrize("sign", quick(1, [1.0, -1.0]))
+@pytest.mark.slow
+@pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_integer_overlap_keeps_an_unmodified_pair_still(sign):
     """eps_beta = 1: the length of contact is constant, so is TE = F / (k eps b) cos(beta_b)^-1."""
     helix = math.radians(18.0) * sign
@@ -557,6 +560,7 @@ def test_quasi_static_is_the_body_of_mesh_cycle():
     assert_close(cycle.approach, run_cycle(model, SPUR_GRID).approach, rtol=1e-12, atol=0.0)
 
 
+@pytest.mark.slow
 def test_one_program_serves_all_designs():
     designs = [(0.0, 80.0), (10 * um, 100.0), (20 * um, 40.0)]
     models = [_model(ACCESSORY, load, flanks=symmetric_relief(d, 0.3)) for d, load in designs]

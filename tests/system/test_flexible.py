@@ -117,6 +117,7 @@ def test_a_rigid_motion_of_the_seats_is_that_of_a_rigid_gear(kind, index):
         assert off < 1e-10, f"motion {motion}: {off}"
 
 
+@pytest.mark.slow
 def test_the_thesis_s_screw_leaves_the_tilts_of_helical_teeth_out():
     body = hybrid_cases.body("helical", 1, seats="bore", modes=2)
     rigid, screw = (_flexible(body, "helical", motion=motion) for motion in ("rigid", "screw"))

@@ -80,6 +80,7 @@ def test_a_scaled_body_is_the_body_of_the_other_material():
     assert same == {"from_seats", "turned", "stiffening", "seat_stiffness", "seat_load"}
 
 
+@pytest.mark.slow
 def test_its_derivatives_are_those_of_the_powers():
     grown = lambda young: jnp.sum(jg.scaled_body(_in_mesh(), young=young).growth)
     assert_close(jax.grad(grown)(2.0), -0.25 * jnp.sum(_in_mesh().growth), rtol=1e-12, atol=0.0)
@@ -111,6 +112,7 @@ def _compliance(body):
     return body.flexibility[0, 1, 1, 0, 0]
 
 
+@pytest.mark.slow
 def test_a_family_is_its_bodies_and_exact_for_membranes_and_plates():
     at, between = jg.family_parameters(1.0, 3.0, 5, reciprocal=True)
     assert at[0] == 1.0

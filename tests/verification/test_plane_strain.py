@@ -76,6 +76,7 @@ def test_uniform_strain_is_in_equilibrium():
     assert np.abs(spin).max() < 1e-12 * scale
 
 
+@pytest.mark.slow
 def test_grid_fills_the_sector():
     """Its area, against that between fillet, flank and circles: twice the half tooth's."""
     sector, pair = _sector(), _small_pair()
