@@ -33,6 +33,7 @@ from dynamics.cases import sdof_driven, sdof_parametric
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
+from jaxgear._dynamics._continuation import continuation
 from jaxgear._dynamics._floquet import floquet_multipliers, monodromy
 from jaxgear._dynamics._harmonic import HarmonicBalance, harmonic_balance_problem
 from jaxgear._dynamics._march import TimeStepping, at_rest, quasi_static_start, time_history
@@ -1423,6 +1424,54 @@ def harmless_looking() -> Row:
     )
 
 
+@functools.cache
+def narrow_windows() -> Row:
+    """A period that doubles between two speeds of a sweep, and two points of its branch."""
+    ripple, damping = 0.02, 0.003
+    system = sdof_parametric(damping_ratio=damping, ripple=ripple)
+    speeds = np.linspace(1.715, 2.345, 22)
+    fine = np.linspace(1.97, 2.03, 61)
+
+    def largest(speeds: np.ndarray) -> np.ndarray:
+        systems = [system] * speeds.size
+        return floquet(systems, balanced(systems, speeds))[:, 0]
+
+    size, known = largest(speeds), largest(fine)
+    curve = continuation(system, speeds[0], speeds[-1])
+    edges = np.array([point.speed for point in curve.doublings])
+    wide = 2.0 * np.sqrt((ripple / 4.0) ** 2 - damping**2)
+
+    def draw(ax: Axes) -> None:
+        ax.plot(fine, known, label="known")
+        ax.plot(speeds, size, "o", ms=4, label="a sweep's speeds")
+        ax.plot(curve.speed, abs(curve.multiplier), "x", label="the branch's points")
+        ax.axhline(1.0, color="k", lw=0.6)
+        ax.set(xlabel="speed [-]", ylabel="largest multiplier [-]", xlim=(1.85, 2.15))
+
+    return Row(
+        title="Windows between two speeds",
+        method="Multipliers at given speeds",
+        breaks=f"Stiffness 1 + {ripple} cos, damping {100 * damping} %: between "
+        f"{2 - wide:.4f} and {2 + wide:.4f} the period doubles, with multipliers of up to "
+        f"{known.max():.4f}. None of {speeds.size} speeds of a sweep lies there: the largest is "
+        f"{size.max():.4f}.",
+        default="The branch asks the harmonics of the mesh stiffness where two vibrations may grow "
+        f"at once, puts a point there, and finds {edges[0]:.4f} and {edges[-1]:.4f} with "
+        f"{curve.speed.size} points; a note of the sweep says so.",
+        note="To either side of a window the multipliers have the size that damping gives them: "
+        "their angle alone comes near to half a turn.",
+        numbers={
+            "seen": size,
+            "known": known,
+            "edges": edges,
+            "closed_form": np.array([2.0 - wide, 2.0 + wide]),
+            "unstable": int(np.sum(~curve.stable)),
+            "points": curve.speed.size,
+        },
+        draw=draw,
+    )
+
+
 ROWS: tuple[Callable[[], Row], ...] = (
     steps_too_large,
     ringing,
@@ -1440,6 +1489,7 @@ ROWS: tuple[Callable[[], Row], ...] = (
     contact_loops,
     slow_modes,
     harmless_looking,
+    narrow_windows,
 )
 
 

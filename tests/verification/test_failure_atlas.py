@@ -201,6 +201,15 @@ def test_harmless_looking_orbit_is_unstable():
     assert 3.0 < found["real"] < 3.2
 
 
+def test_windows_between_two_speeds_are_found_by_the_branch():
+    found = atlas.narrow_windows().numbers
+    assert np.max(found["seen"]) < 0.995
+    assert np.max(found["known"]) > 1.005
+    assert found["edges"] == pytest.approx(found["closed_form"], rel=1e-4)
+    assert found["unstable"] == 1
+    assert found["points"] < 30
+
+
 def test_every_row_has_its_section_and_its_picture():
     text = (DOCS / "failure_atlas.md").read_text(encoding="utf-8")
     for number, row in enumerate(atlas.ROWS, 1):
