@@ -100,7 +100,7 @@ docs: $(VENV)/.installed-docs
 	$(BIN)/sphinx-build -W -n --keep-going -b html docs $(SITE)
 
 clean:
-	rm -rf $(VENV) $(DEMO) $(SITE) docs/_made results/bench build dist .pytest_cache .ruff_cache
+	rm -rf $(VENV) $(DEMO) $(SITE) jupyter_execute docs/_made results/bench build dist .pytest_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # The environment is made anew when what it should hold has changed.
