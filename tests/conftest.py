@@ -57,8 +57,10 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 # Packages and files that speak of the shapes of arrays. All else has plain types, which ty
 # checks: to look at each cell of a table again as it is written takes longer than to write it.
 _PACKAGES = ("contact", "dynamics", "flank", "geometry", "interface", "response", "solve", "system")
-_OF_SCENE = ("body_heat", "build", "build_pair", "files", "teeth")
-_FILES = ("_smooth", "_types", *(f"scene._{x}" for x in _OF_SCENE))
+# Neither `_types` nor `scene._build_pair`: converters of fields and of units are half of all calls,
+# and the classes check what they are given.
+_OF_SCENE = ("body_heat", "build", "files", "teeth")
+_FILES = ("_smooth", *(f"scene._{x}" for x in _OF_SCENE))
 _CHECKED = (
     "optimise",
     "jaxgear.study",
