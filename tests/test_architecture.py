@@ -609,8 +609,11 @@ def modules():
 
 
 def _names_shapes(source: Source) -> bool:
-    """Whether it annotates arrays: with jaxtyping, or with the names in `_types`."""
-    return source.stage == "_types" or any(
+    """Whether it annotates arrays: with jaxtyping, or with the names in `_types`.
+
+    That file makes the names: what its converters give the classes check.
+    """
+    return source.stage != "_types" and any(
         "jaxtyping" in each.parts or "_types" in each.parts for each in _imports(source)
     )
 
