@@ -2,6 +2,7 @@
 
 import gc
 import os
+import re
 import shutil
 import sys
 import time
@@ -54,20 +55,17 @@ __all__ = [
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
-# Packages and files that speak of the shapes of arrays. All else has plain types, which ty
-# checks: to look at each cell of a table again as it is written takes longer than to write it.
-_PACKAGES = ("contact", "dynamics", "flank", "geometry", "interface", "response", "solve", "system")
-# Neither `_types` nor `scene._build_pair`: converters of fields and of units are half of all calls,
-# and the classes check what they are given.
-_OF_SCENE = ("body_heat", "build", "files", "teeth")
-_FILES = ("_smooth", *(f"scene._{x}" for x in _OF_SCENE))
-_CHECKED = (
-    "optimise",
-    "jaxgear.study",
-    "jaxgear.designs",
-    *(f"jaxgear._{name}" for name in _PACKAGES),
-    *(f"jaxgear.{name}" for name in _FILES),
-)
+# Modules that speak of the shapes of arrays. All else has plain types, which ty checks: to look at
+# each cell of a table again as it is written takes longer than to write it. `jaxgear._types` makes
+# the names: its converters of fields are most of all calls, and the classes check what they give.
+_ROOT = Path(__file__).parents[1]
+_SOURCES = (path for name in ("jaxgear", "optimise") for path in (_ROOT / name).rglob("*.py"))
+_CHECKED = [
+    ".".join(path.relative_to(_ROOT).with_suffix("").parts)
+    for path in _SOURCES
+    if path != _ROOT / "jaxgear" / "_types.py"
+    and re.search("jaxtyping|_types import", path.read_text(encoding="utf-8"))
+]
 
 # The hook rewrites modules as they are imported; one that is already in has escaped it.
 if escaped := [name for name in _CHECKED if name in sys.modules]:
