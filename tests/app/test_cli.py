@@ -370,6 +370,7 @@ print(codes, [name for name in heavy if name in sys.modules], file=sys.stderr)
     assert done.stderr.splitlines()[-1] == "[0, 0, 0, 2, 0, 0] []"
 
 
+@pytest.mark.slow
 def test_libraries_are_imported_no_sooner_than_they_are_used(tmp_path):
     """No numerics with all commands, nor finite elements with rigid bodies; no pyplot ever."""
     code = """
