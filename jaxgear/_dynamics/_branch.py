@@ -11,6 +11,7 @@ from jaxgear._dynamics._harmonic import Balance, HarmonicBalance
 from jaxgear._dynamics._harmonic_problem import Problem, imbalance, linearised, root_of
 from jaxgear._dynamics._orbit import Orbit, contact_force
 from jaxgear._dynamics._step_product import Monodromy, mean_tangents, product_of_steps
+from jaxgear._dynamics._steppers import Exponential
 from jaxgear._dynamics._system import DynamicSystem
 from jaxgear._dynamics._types import Responses, StepPlaces, Terms
 from jaxgear._dynamics._windows import MeshVariation, variation_of
@@ -159,7 +160,7 @@ def monodromy_of(
     The point's mesh coordinates in mid-steps are known [m, rad].
     """
     speed = jnp.exp(unknowns[-1])
-    march = march_along(balance.system, slow.basis, speed, place, law=balance.law)
+    march = march_along(Exponential(), balance.law, balance.system, slow.basis, speed, place)
     tangents = mean_tangents(march, place)
     matrix = product_of_steps(march, tangents, slow.follows)
     return matrix, variation_of(march, tangents, slow)

@@ -157,14 +157,15 @@ def _follows(here: Place, ahead: Place, guess: np.ndarray, measure: np.ndarray) 
     """Whether a point is the next one of a branch."""
     step = length_of(measure * (guess - here.unknowns))
     return (
-        _cosine(measure * here.tangent, measure * ahead.tangent) >= _SHARP
+        _turn(here, ahead, measure) >= _SHARP
         and length_of(measure * (ahead.unknowns - guess)) <= _ASIDE * step
         and not (step > _LOOKED_AT and hides_event(here, ahead))
     )
 
 
-def _cosine(first: np.ndarray, second: np.ndarray) -> float:
-    """Cosine of the angle between two vectors [-]."""
+def _turn(here: Place, ahead: Place, measure: np.ndarray) -> float:
+    """Cosine of the angle between the tangents of two points [-]."""
+    first, second = measure * here.tangent, measure * ahead.tangent
     return float(first @ second) / (length_of(first) * length_of(second))
 
 
@@ -216,8 +217,7 @@ def _walk(
             return end("returned")
         if leaves:
             return end("left")
-        measure = guide.measure_at(here)
-        turn = _cosine(measure * here.tangent, measure * ahead.tangent)
+        turn = _turn(here, ahead, guide.measure_at(here))
         if ahead.steps <= _FEW_NEWTON and turn > _STRAIGHT:
             step = min(1.4 * step, largest)
         elif ahead.steps >= _MANY_NEWTON or turn < 0.5 * (_SHARP + _STRAIGHT):

@@ -59,36 +59,22 @@ def monodromy(
 
     A square matrix on displacements of all modes, then velocities, of unit modal mass.
     """
-    return monodromy_along(
-        system, modes, orbit.speed, orbit.place, stepper=stepper, law=law, follows=follows
-    )
-
-
-def monodromy_along(
-    system: DynamicSystem,
-    modes: ModalBasis,
-    speed: Scalar,
-    places: StepPlaces,
-    *,
-    stepper: AbstractStepper = Exponential(),
-    law: AbstractContactLaw = ExactContact(),
-    follows: CoordinateMatrix | None = None,
-) -> Monodromy:
-    """As `monodromy`, of a response whose mesh coordinates in mid-steps are known [m, rad]."""
-    march = march_along(system, modes, speed, places, stepper=stepper, law=law)
-    return product_of_steps(march, mean_tangents(march, places), follows)
+    march = march_along(stepper, law, system, modes, orbit.speed, orbit.place)
+    return product_of_steps(march, mean_tangents(march, orbit.place), follows)
 
 
 def march_along(
+    stepper: AbstractStepper,
+    law: AbstractContactLaw,
     system: DynamicSystem,
     modes: ModalBasis,
     speed: Scalar,
     places: StepPlaces,
-    *,
-    stepper: AbstractStepper = Exponential(),
-    law: AbstractContactLaw = ExactContact(),
 ) -> March:
-    """A march over the cycles of a response whose mesh coordinates in mid-steps are known."""
+    """A march over the cycles of a response whose mesh coordinates in mid-steps are known [m, rad].
+
+    The other arguments are those of `march_of`.
+    """
     multiple = places.shape[0] // len(system.table.kinds)
     return march_of(stepper, law, system.over(multiple), modes, speed)
 
