@@ -137,6 +137,8 @@ class BodyBasis:
     - `following`: $T$, static motion with the seats, `[dof, 6 seat]`.
     - `waves`: wave number of each mode; the second of a pair has it negative.
     - `diameters`: nodal diameters of each mode.
+    - `times`: for how many coordinates each stands, one sector's rim nodes for those of all, shape
+        `[dof]`; `None`: each for itself [-].
     """
 
     square: np.ndarray
@@ -144,6 +146,7 @@ class BodyBasis:
     following: np.ndarray
     waves: np.ndarray
     diameters: np.ndarray
+    times: np.ndarray | None = None
 
     @property
     def motions(self) -> np.ndarray:
@@ -168,11 +171,10 @@ class BodyBasis:
 
         They.
         """
-        motions = self.motions
-        onto = lambda matrix: jnp.asarray(motions.T @ (matrix @ motions))
         softening = None
         if body.spin_softening is not None and body.stress_stiffening is not None:
-            softening = onto(body.stress_stiffening) - onto(body.spin_softening)
+            softening = self._onto(body.stress_stiffening - body.spin_softening)
+        motions = self.motions
         # Modes are of unit mass and apart: what rounding leaves would tie pairs together.
         mass, seats = np.eye(motions.shape[1]), self.following.shape[1]
         mass[:, :seats] = motions.T @ (body.mass @ self.following)
@@ -180,9 +182,31 @@ class BodyBasis:
         return BasisMatrices(
             mass=jnp.asarray(0.5 * (mass + mass.T)),
             turning=jnp.asarray(self.turning),
-            coriolis=None if body.coriolis is None else onto(body.coriolis),
+            coriolis=None if body.coriolis is None else self._onto(body.coriolis),
             softening=softening,
         )
+
+    def _onto(self, matrix: np.ndarray) -> Array:
+        r"""A matrix of the body, the same after a turn by a sector, on seats and modes.
+
+        Two modes of one wave are $\sqrt 2$ times real and imaginary part of a motion $w$, of which
+        $w^HAw$ is as large on each sector; those of two waves have nothing between them.
+        """
+        seats = self.following.shape[1]
+        found = np.zeros((seats + self.square.size,) * 2)
+        found[:, :seats] = self.motions.T @ (matrix @ self.following)
+        found[:seats, seats:] = (self.following.T @ matrix) @ self.shapes
+        times = np.ones(len(matrix)) if self.times is None else self.times
+        some = np.flatnonzero(times)
+        acting, own = matrix[some] @ self.shapes, times[some, None] * self.shapes[some]
+        for wave in np.unique(np.abs(self.waves)):
+            alike = np.flatnonzero(np.abs(self.waves) == wave)
+            between = own[:, alike].T @ acting[:, alike]
+            if np.any(self.waves[alike] < 0):
+                turned = turning_of_waves(np.sign(self.waves[alike]))
+                between = 0.5 * (between + turned @ between @ turned.T)
+            found[np.ix_(seats + alike, seats + alike)] = between
+        return jnp.asarray(found)
 
     def under_teeth(self, teeth: int, sectors: int) -> tuple["BodyBasis", int]:
         """What of a basis repeats under teeth, and after how many mesh periods.
@@ -253,4 +277,5 @@ def body_basis(body: Condensed, count: int) -> BodyBasis:
         following=waves.following(body.stiffness, len(body.seats)),
         waves=numbers,
         diameters=nodal_diameters(body.rim_nodes, shapes[: waves.rim]),
+        times=waves.times,
     )

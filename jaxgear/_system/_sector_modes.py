@@ -16,8 +16,8 @@ import scipy
 from jaxgear._checks import require
 from jaxgear._system._condensed import Condensed
 
-# What rounding may leave of a symmetry.
-_EVEN = 1e-4
+# What rounding may leave of a symmetry, and so many motions tell.
+_EVEN, _TRIALS = 1e-4, 4
 
 
 @dataclass(frozen=True)
@@ -118,14 +118,20 @@ class SectorMotions:
         self.orbits = every[every.min(axis=1) == every[:, 0]]
         self.turns = np.stack(turns)
         self.shapes = [turn.kept @ each for each in _of_waves(turn.action, sectors)]
-        self.start = self.rim + 6 * len(body.seats)
-        for matrix, what in ((body.stiffness, "stiffness"), (body.mass, "mass")):
-            self._require_even(matrix[: self.rim, : self.rim], turn, what)
+        self.start, self.size = self.rim + 6 * len(body.seats), len(body.stiffness)
+        for what in ("stiffness", "mass", "coriolis", "spin_softening", "stress_stiffening"):
+            matrix = getattr(body, what)
+            if matrix is not None:
+                self._require_even(matrix[: self.rim, : self.rim], turn, what.replace("_", " "))
         self.stiffness, self.mass = self._blocks(body.stiffness), self._blocks(body.mass)
 
     def _require_even(self, matrix: np.ndarray, turn: _SectorTurn, what: str) -> None:
-        turned = _moved(_moved(matrix, turn.turn, turn.image).T, turn.turn, turn.image)
-        uneven = float(np.abs(turned - matrix).max() / np.abs(matrix).max())
+        # Turned before the matrix acts or after it: motions of one or minus one everywhere show
+        # what a single number is off, and take a thousandth of what turning the matrix does.
+        motion = np.random.default_rng(0).choice([-1.0, 1.0], (self.rim, _TRIALS))
+        turned = lambda values: _moved(values, turn.turn, turn.image)
+        before, after = np.split(matrix @ np.hstack([turned(motion), motion]), 2, axis=1)
+        uneven = float(np.abs(before - turned(after)).max() / max(matrix.max(), -matrix.min()))
         require(
             uneven <= _EVEN,
             "The condensed body {name!r} is not of {sectors} equal sectors: turned by one, its "
@@ -152,6 +158,17 @@ class SectorMotions:
             block = 0.5 * (block + block.conj().T)
             blocks.append(np.real(block) if self.alone(number) else block)
         return blocks
+
+    @property
+    def times(self) -> np.ndarray:
+        """For how many coordinates each stands: one sector's rim nodes for those of all, `[dof]`.
+
+        Interior shapes stand for themselves, seats for nothing.
+        """
+        found = np.zeros(self.size)
+        found[: self.rim].reshape(-1, 3)[self.orbits[:, 0]] = self.sectors
+        found[self.start :] = 1.0
+        return found
 
     def alone(self, number: int) -> bool:
         """Whether motions of a wave number are real, and have no second a quarter wave apart."""

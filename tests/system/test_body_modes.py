@@ -131,6 +131,26 @@ def test_turning_exchanges_no_mass(name):
         assert np.abs(matrix @ turning - turning @ matrix).max() < 1e-7 * np.abs(matrix).max()
 
 
+@every_body
+def test_terms_of_rotation_wave_by_wave_are_those_of_all_motions_at_once(name):
+    body, basis = _basis(name)
+    found, motions = basis.matrices(body), basis.motions
+    onto = lambda matrix: motions.T @ matrix @ motions
+    if name != "rotating":
+        assert found.coriolis is None
+        # Stiffness falls apart as terms of rotation do.
+        body = dataclasses.replace(
+            body, coriolis=body.mass, spin_softening=body.mass, stress_stiffening=body.stiffness
+        )
+        found = basis.matrices(body)
+    assert body.coriolis is not None
+    assert body.spin_softening is not None
+    assert body.stress_stiffening is not None
+    assert_near(np.asarray(found.coriolis), onto(body.coriolis), 1e-9)
+    softening = onto(body.stress_stiffening) - onto(body.spin_softening)
+    assert_near(np.asarray(found.softening), softening, 1e-9)
+
+
 def test_waves_are_nodal_diameters_where_every_tooth_has_its_sector():
     for name in ("bore", "rotating", "shaft"):
         _, basis = _basis(name)
@@ -229,6 +249,20 @@ def test_a_body_less_even_than_it_claims_is_refused_by_name():
     more = dataclasses.replace(body, facts={**body.facts, "sectors": 7})
     with pytest.raises(ValueError, match=r"rim nodes of 'spur 1' must repeat .* its 7 sectors"):
         body_basis(more, 20)
+
+
+@pytest.mark.parametrize("what", ["stiffness", "mass", "coriolis", "stress_stiffening"])
+def test_one_number_that_is_off_is_seen(what):
+    body, _ = _basis("rotating")
+    matrix = getattr(body, what).copy()
+    # Of a node with another, far from the largest.
+    place = 3 * 7, 3 * 20 + 2
+    rim = 3 * len(body.rim_nodes)
+    matrix[place] += 1e-3 * np.abs(matrix[:rim, :rim]).max()
+    uneven = dataclasses.replace(body, **{what: matrix})
+    told = f"its {what.replace('_', ' ')} on the rim differs by 0.001 of"
+    with pytest.raises(ValueError, match=told):
+        body_basis(uneven, 10)
 
 
 # --- Under teeth
