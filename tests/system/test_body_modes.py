@@ -265,6 +265,13 @@ def test_one_number_that_is_off_is_seen(what):
         body_basis(uneven, 10)
 
 
+def test_a_matrix_of_zeros_is_even():
+    body, basis = _basis("rotating")
+    assert body.stress_stiffening is not None
+    free = dataclasses.replace(body, stress_stiffening=np.zeros_like(body.stress_stiffening))
+    assert np.array_equal(body_basis(free, 30).square, basis.square)
+
+
 # --- Under teeth
 
 
