@@ -95,7 +95,10 @@ UNCHECKED = Doubtful(
 
 
 def is_unchecked(scene: Scene, size: Size) -> bool:
-    """Whether excited shapes are not checked, since each speed would take minutes."""
+    """Whether a sweep leaves excited shapes unchecked: over a long cycle, unless the scene says.
+
+    A speed takes minutes there with all modes.
+    """
     if "check_shapes" in scene.sweep.given:
         return False
     excited = any(body.on_modes is not None for body in scene.bodies.values())
@@ -114,8 +117,7 @@ def shape_check(built: BuiltScene, dynamics: Dynamics, found: Sweep) -> ShapeChe
     **Returns:**
 
     The errors; or `None` where no shapes are left out, where the sweep does not go by harmonic
-    balance, where nothing has settled, or over a long cycle, of which a speed takes minutes with
-    all modes, unless the scene says that it is wanted.
+    balance, or where nothing has settled.
 
     **Raises:**
 
@@ -127,10 +129,7 @@ def shape_check(built: BuiltScene, dynamics: Dynamics, found: Sweep) -> ShapeChe
         for gear, body in scene.bodies.items()
         if body.on_modes is not None
     }
-    size = size_of(dynamics.pair)
-    if is_unchecked(scene, size):
-        return None
-    method = settings_of(law_of(scene.mesh), scene.sweep, size).method
+    method = settings_of(law_of(scene.mesh), scene.sweep, size_of(dynamics.pair)).method
     chosen = _some(found)
     if not (richer and chosen.size and isinstance(method, HarmonicBalance)):
         return None

@@ -92,9 +92,11 @@ def sweep_result(built: BuiltScene, dynamics: Dynamics, seen: Watch | None = Non
     if dynamics.pair.bodies and scene.sweep.check_shapes:
         from jaxgear.study._shape_check import UNCHECKED, is_unchecked, shape_check
 
-        with narration("check of shapes"):
-            check = shape_check(built, dynamics, found)
-        unchecked = [UNCHECKED] if is_unchecked(scene, size_of(dynamics.pair)) else []
+        if is_unchecked(scene, size_of(dynamics.pair)):
+            unchecked.append(UNCHECKED)
+        else:
+            with narration("check of shapes"):
+                check = shape_check(built, dynamics, found)
     dataset, orbit = sweep_dataset(dynamics, found), orbit_dataset(dynamics, found)
     at_peak = f", {orbit.attrs['speed_rad_s']:.5g} rad/s"
     datasets = {
