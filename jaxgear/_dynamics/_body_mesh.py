@@ -44,9 +44,9 @@ def body_mesh(
 ) -> MovingMesh:
     r"""The mesh of a pair with condensed bodies over one cycle.
 
-    With $A$ the arms of cells, $P$ some loads on them and $F$ the flexibility of the structure, the
-    gears' rotation held, the combinations kept are the first eigenvectors of $D A^TPP^TA D$, $D^2$
-    the diagonal of $F$, of residual shapes a small part of it. A load that they hold all of excites
+    With $A$ the arms of cells and $P$ some loads on them, the combinations kept are the first
+    eigenvectors of $D A^TPP^TA D$, $D$ of a mode the reciprocal of its squared frequency: those to
+    which these loads give most kinetic energy (theory 7.8). A load that they hold all of excites
     each mode as it does without them. What they leave out follows its load at once; of the load
     that is always there this must be next to nothing, or what the body gives on the mean rides up
     and down with it. Hence the loads are those of the cycle at rest and, a tenth of them, loads on
@@ -175,12 +175,7 @@ class _HeldStructure(NamedTuple):
     outside: Array
     sections: int
     count: int
-    weights: np.ndarray
-
-
-# Of residual shapes: they give most under a load and vibrate least. With 12 mesh coordinates the
-# RMS of TE of the power wheel, helical, is up to 7 % off if they count like others, and 2 % so.
-_OF_RESIDUAL = 0.02
+    weights: Array
 
 
 def _held(mounted: PairSystem, bodies: list[VibratingBody]) -> _HeldStructure:
@@ -207,14 +202,9 @@ def _held(mounted: PairSystem, bodies: list[VibratingBody]) -> _HeldStructure:
         outside=jnp.concatenate([statics.mesh_offset[:count], warm]),
         sections=sections,
         count=count,
-        weights=np.concatenate([np.ones(count), *(_weights(each) for each in bodies)]),
+        # Kinetic over strain energy of a mode under a load, against that of the slowest.
+        weights=jnp.concatenate([jnp.ones(count), jnp.sqrt(jnp.min(square) / square)]),
     )
-
-
-def _weights(each: VibratingBody) -> np.ndarray:
-    """Of the modes of a body, then of its residual shapes."""
-    modes = len(each.modes.waves)
-    return np.where(np.arange(each.modes.square.size) < modes, 1.0, _OF_RESIDUAL)
 
 
 def _section_vectors(mounted: PairSystem, bodies: list[VibratingBody]) -> DofCoordinates:

@@ -40,8 +40,8 @@ class MovingMesh(NamedTuple):
     - `rest`: mesh coordinates of the quasi-static states, `[phase, coordinate]`.
     - `teeth`: part of `mean` whose strain is in the teeth, or `None`: all.
     - `bow`: what bodies give between their nodes, or `None`: nothing.
-    - `left_out`: motion of cells that the mesh coordinates leave out, over that which they have, in
-        the mean over static loads [-].
+    - `left_out`: part of the motion under loads on the flanks that the mesh coordinates leave out,
+        root of its kinetic energy in the mean over these [-].
     """
 
     table: MeshTable

@@ -226,8 +226,8 @@ class PairDynamics(eqx.Module):
     - `dofs`: which degrees of freedom of the structure move; beyond its size, modes of condensed
         bodies.
     - `bodies`: condensed ones, where their seats and modes are.
-    - `left_out`: motion of the cells that mesh coordinates leave out of that of condensed bodies,
-        relative; statics has all of it [-].
+    - `left_out`: part of the motion of condensed bodies under loads on the flanks that mesh
+        coordinates leave out, root of its kinetic energy; statics has all of it [-].
     """
 
     system: DynamicSystem

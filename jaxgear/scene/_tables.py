@@ -129,8 +129,8 @@ class ModelKeys(AbstractKeys):
         default="excited",
     )
     mesh_coordinates: int | None = key(
-        "combinations of these that the mesh tells apart; 12 unless said, of helical teeth 20, 24 "
-        "where a cycle has many mesh periods",
+        "combinations of these that the mesh tells apart; 8 unless said, of helical teeth 16; where "
+        "a cycle has many mesh periods 12 and 28",
         "[4, 60]",
     )
 
@@ -150,8 +150,8 @@ class ModelKeys(AbstractKeys):
 
         Leaning teeth are loaded all over, and where holes pass by, each tooth in another way.
         """
-        usual = 12 if not helix else 20 if periods == 1 else 24
-        return usual if self.mesh_coordinates is None else self.mesh_coordinates
+        usual = (8, 16) if periods == 1 else (12, 28)
+        return usual[bool(helix)] if self.mesh_coordinates is None else self.mesh_coordinates
 
     fidelity: Literal["as given", "auto"] = key(
         "choice of the model; auto: run, map, optimise and sweep first compare models, and take "

@@ -331,14 +331,15 @@ def test_a_condensed_body_gets_its_defaults_and_others_do_not(write):
 
 def test_leaning_teeth_tell_more_motions_of_a_body_apart(write):
     scene = read_scene(write(_LEAST + _CONDENSED), ["pair.helix_angle_deg=0.0"])
-    assert scene.at_mesh == 12
+    assert scene.at_mesh == 8
     traced = jax.eval_shape(
         lambda helix: jnp.zeros(scene.replace({"pair.helix_angle_deg": helix}).at_mesh), 0.0
     )
-    assert traced.shape == (12,), "it does not change while derivatives are taken"
+    assert traced.shape == (8,), "it does not change while derivatives are taken"
     lean = read_scene(write(_LEAST + _CONDENSED), ["pair.helix_angle_deg=-8.0"])
-    assert lean.at_mesh == 20
-    assert lean.replace({"mesh.periods": 3}).at_mesh == 24
+    assert lean.at_mesh == 16
+    assert lean.replace({"mesh.periods": 3}).at_mesh == 28
+    assert scene.replace({"mesh.periods": 3}).at_mesh == 12
     assert lean.replace({"model.mesh_coordinates": 9}).at_mesh == 9
     assert (scene.at_mesh_of_reference, lean.at_mesh_of_reference) == (24, 40)
     assert lean.replace({"mesh.periods": 3}).at_mesh_of_reference == 56

@@ -152,7 +152,7 @@ def _same_at_rest(dynamics: PairDynamics, speed: float = 0.0) -> None:
 def test_statics_has_what_few_modes_and_coordinates_leave_out():
     dynamics = _pair()
     assert dynamics.system.vectors.shape[1] == 2 + FEW
-    assert 1e-4 < float(dynamics.left_out) < 0.3
+    assert 1e-5 < float(dynamics.left_out) < 1e-3
     _same_at_rest(dynamics)
 
 
