@@ -87,10 +87,10 @@ class ShapeCheck(NamedTuple):
 # What a sweep tells where nothing is checked, of `power-holes` (docs/accuracy.md).
 UNCHECKED = Doubtful(
     "Over a cycle of so many mesh periods the shapes of condensed bodies are not checked unasked. "
-    "Of a wheel with holes the largest mesh force was within 0.7 % of one with many more, the RMS "
-    "of transmission error up to 20 % off, where it is small. sweep.check_shapes = true checks a "
+    "Of a wheel with holes the largest mesh force was within 0.6 % of one with many more, the RMS "
+    "of transmission error up to 8 % off, where it is small. sweep.check_shapes = true checks a "
     "few speeds, in minutes each; model.coordinates = 500 and model.mesh_coordinates = 40 come "
-    "within 2 %, in three times the time."
+    "within 2 %, in twice the time."
 )
 
 

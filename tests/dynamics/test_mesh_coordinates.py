@@ -75,6 +75,31 @@ def test_loads_that_coordinates_hold_excite_every_mode_as_without_them():
     assert float(fewer.left_out) == pytest.approx(lost, rel=1e-9)
 
 
+def test_measured_by_kinetic_energy_only_the_square_of_what_is_left_out_is_missing():
+    """Answers of modes to loads at low frequency, with all that is left out at rest (7.8)."""
+    random = np.random.default_rng(7)
+    square = np.logspace(0, 4, 60)
+    load = random.normal(size=60) * square**0.25
+    arms = np.zeros((3, 1, 1, 62))
+    arms[:, 0, 0, 2:] = load + 0.3 * random.normal(size=(3, 60)) * square**0.25
+    frequency = 1e-2 * np.sqrt(square[0])
+    missing = {}
+    for name, size in (("kinetic", 1.0 / square), ("strain", square**-0.5)):
+        whole = np.concatenate([np.ones(2), size])
+        few = _combinations(*map(jnp.asarray, (arms, np.ones((1, 1, 1)), whole)), 2, 1)
+        seen = arms[1, 0, 0] @ np.asarray(few.into) @ np.asarray(few.out_of).T
+        full, seen = arms[1, 0, 0, 2:], seen[2:]
+        # What follows at once is the static answer less that of what is seen.
+        lost = (full**2 - seen**2) @ (1.0 / (square - frequency**2) - 1.0 / square)
+        missing[name] = lost / frequency**2
+        if name == "kinetic":
+            assert lost / frequency**2 == pytest.approx(
+                np.sum(((full - seen) / square) ** 2), rel=1e-3
+            )
+            assert float(few.left_out) > 1e-2
+    assert abs(missing["kinetic"]) < 0.5 * abs(missing["strain"])
+
+
 def test_the_space_that_coordinates_span_has_its_derivative():
     random = np.random.default_rng(5)
     first, other = random.normal(size=(2, 60, 12)) * np.logspace(0, -3, 12)
