@@ -75,6 +75,7 @@ def body_mesh(
     held = _held(mounted, bodies)
     size = jnp.sqrt(jnp.diagonal(held.give)) * held.weights
     few = _combinations(arms, _loads(cycle), size, held.sections, coordinates)
+    few = _of_unit_strain(few, jnp.diagonal(held.give), held.sections)
     met, give = arms @ few.into, few.out_of.T @ held.give @ few.out_of
     # What cells give in all, less what of it is in the motion of the mesh coordinates.
     whole, kept = arms[_MIDDLE_PLACE][:, :, : held.count], met[_MIDDLE_PLACE]
@@ -277,6 +278,22 @@ def _combinations(
         into=both(jnp.eye(sections), size[:, None] * patterns),
         out_of=both(jnp.eye(sections), patterns / size[:, None]),
         left_out=jnp.sqrt(lost),
+    )
+
+
+def _of_unit_strain(few: _Combinations, give: Array, sections: int) -> _Combinations:
+    """The same combinations in coordinates of one size: their squares are strain energy.
+
+    What measures a response, such as a step along a branch, then sees what moves the cells most.
+    """
+    out_of, into = few.out_of[sections:, sections:], few.into[sections:, sections:]
+    root = jnp.linalg.cholesky(out_of.T @ (give[sections:, None] * out_of))
+    both = jax.scipy.linalg.block_diag
+    out_of = jax.scipy.linalg.solve_triangular(root, out_of.T, lower=True).T
+    return _Combinations(
+        into=both(few.into[:sections, :sections], into @ root),
+        out_of=both(few.out_of[:sections, :sections], out_of),
+        left_out=few.left_out,
     )
 
 

@@ -12,7 +12,7 @@ import pytest
 from hybrid_cases import APART, PAIRS, ROUND, relieved, vibrating
 
 import jaxgear as jg
-from jaxgear._dynamics._body_mesh import _combinations, _leading
+from jaxgear._dynamics._body_mesh import _combinations, _leading, _of_unit_strain
 from jaxgear._dynamics._damping import ModalDamping
 from jaxgear._dynamics._harmonic import HarmonicBalance
 from jaxgear._dynamics._modes import Modes, pair_modes
@@ -98,6 +98,19 @@ def test_measured_by_kinetic_energy_only_the_square_of_what_is_left_out_is_missi
             )
             assert float(few.left_out) > 1e-2
     assert abs(missing["kinetic"]) < 0.5 * abs(missing["strain"])
+
+
+def test_coordinates_of_unit_strain_span_the_same_and_are_of_one_size():
+    random = np.random.default_rng(11)
+    arms, loads = random.normal(size=(3, 4, 6, 32)), random.random((4, 2, 6))
+    give = np.logspace(0, -6, 32)
+    few = _combinations(*map(jnp.asarray, (arms, loads, give)), sections=2, count=5)
+    same = _of_unit_strain(few, jnp.asarray(give), 2)
+    before, after = (np.asarray(each.into @ each.out_of.T) for each in (few, same))
+    assert np.abs(after - before).max() < 1e-9 * np.abs(before).max()
+    out_of = np.asarray(same.out_of)[2:, 2:]
+    assert np.abs(out_of.T @ (give[2:, None] * out_of) - np.eye(5)).max() < 1e-9
+    assert np.array_equal(np.asarray(same.out_of)[:2, :2], np.eye(2))
 
 
 def test_the_space_that_coordinates_span_has_its_derivative():
