@@ -129,8 +129,8 @@ class ModelKeys(AbstractKeys):
         default="excited",
     )
     mesh_coordinates: int | None = key(
-        "combinations of these that the mesh tells apart; 8 unless said, of helical teeth 16; where "
-        "a cycle has many mesh periods 12 and 28",
+        "combinations of these that the mesh tells apart; 8 unless said, of helical teeth 16; "
+        "where a cycle has many mesh periods 12 and 28",
         "[4, 60]",
     )
 
