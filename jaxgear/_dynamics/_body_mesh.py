@@ -73,9 +73,10 @@ def body_mesh(
         jnp.stack(parts) for parts in zip(*(each[:3] for each in at_cells), strict=True)
     )
     held = _held(mounted, bodies)
-    size = jnp.sqrt(jnp.diagonal(held.give)) * held.weights
+    alone = jnp.diagonal(held.give)
+    size = jnp.sqrt(alone) * held.weights
     few = _combinations(arms, _loads(cycle), size, held.sections, coordinates)
-    few = _of_unit_strain(few, jnp.diagonal(held.give), held.sections)
+    few = _of_unit_strain(few, alone, held.sections)
     met, give = arms @ few.into, few.out_of.T @ held.give @ few.out_of
     # What cells give in all, less what of it is in the motion of the mesh coordinates.
     whole, kept = arms[_MIDDLE_PLACE][:, :, : held.count], met[_MIDDLE_PLACE]
