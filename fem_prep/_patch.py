@@ -11,7 +11,7 @@ import numpy as np
 from ._assembly import Material, assemble
 from ._brick import REFERENCE_NODES, jacobians, shape_functions
 from ._grid import FACES, Grid, merged, surface
-from ._solvers import factorise
+from ._solvers import compliance_at
 
 RIM, CUT = "rim", "cut"
 # Of the size of the piece: how close nodes are that are one.
@@ -24,7 +24,7 @@ def piece_of(
     *,
     radius: float,
     angles: tuple[float, float],
-    depth: float,
+    depth: float | np.ndarray,
 ) -> Grid:
     """The elements under a part of the rim.
 
@@ -34,7 +34,8 @@ def piece_of(
     - `bricks`: of the whole grid, shape `[brick, 20]`.
     - `radius`: of the rim [m].
     - `angles`: between which the middles of the elements lie, the first the lower [rad].
-    - `depth`: how far under the rim the middles of the elements lie at the most [m].
+    - `depth`: how far under the rim the middles of the elements lie at the most, of all or of each
+        brick [m].
 
     **Returns:**
 
@@ -92,25 +93,27 @@ def refined(grid: Grid, around: int, deep: int, across: int) -> Grid:
     return Grid(kept, fine, sets)
 
 
-def piece_compliance(grid: Grid, material: Material, loads: np.ndarray) -> np.ndarray:
-    """What a piece that is held at its cut gives under loads, in the places of these.
+def piece_compliance(grid: Grid, material: Material, nodes: np.ndarray) -> np.ndarray:
+    """What nodes of a piece that is held at its cut give under loads on them.
 
     **Arguments:**
 
     - `grid`: with the set `cut`.
     - `material`: of the body.
-    - `loads`: on its displacements, shape `[3 node, load]`.
+    - `nodes`: numbers of some nodes, shape `[node]`.
 
     **Returns:**
 
-    Compliance between the loads, shape `[load, load]`.
+    Compliance between their displacements, those of the cut none, shape `[3 node, 3 node]` [m/N].
     """
     stiffness, _ = assemble(grid, material)
-    free = np.ones(3 * len(grid.nodes), dtype=bool)
-    free[(3 * grid.sets[CUT][:, None] + np.arange(3)).ravel()] = False
-    kept = np.flatnonzero(free)
-    inner = loads[kept]
-    return inner.T @ factorise(stiffness[kept][:, kept]).solve(inner)
+    free = np.setdiff1d(np.arange(len(grid.nodes)), grid.sets[CUT])
+    kept = (3 * free[:, None] + np.arange(3)).ravel()
+    moves = np.isin(nodes, free)
+    found = compliance_at(stiffness[kept][:, kept], np.searchsorted(free, nodes[moves]))
+    given = np.zeros((3 * len(nodes),) * 2)
+    given[np.ix_(*[np.repeat(moves, 3)] * 2)] = found
+    return given
 
 
 def _parts_along(grid: Grid, wanted: tuple[int, int, int]) -> np.ndarray:

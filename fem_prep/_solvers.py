@@ -1,12 +1,13 @@
 """Factors of sparse symmetric positive definite matrices, by the fastest library at hand."""
 
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import csc_array, csr_array, diags_array
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 
 from ._checks import BodyError, require
 
@@ -54,10 +55,14 @@ def _by_cholmod(matrix: csc_array) -> Callable[[np.ndarray], np.ndarray]:
     return cholmod.cholesky(matrix, mode="supernodal")
 
 
+def _in_order(matrix: csc_array, order: np.ndarray) -> SuperLU:
+    ordered = matrix[order][:, order]
+    return splu(ordered, permc_spec="NATURAL", diag_pivot_thresh=0.0, options=_SYMMETRIC)
+
+
 def _by_superlu(matrix: csc_array) -> Callable[[np.ndarray], np.ndarray]:
     order = _order(matrix)
-    ordered = matrix[order][:, order]
-    factor = splu(ordered, permc_spec="NATURAL", diag_pivot_thresh=0.0, options=_SYMMETRIC)
+    factor = _in_order(matrix, order)
 
     def solve(right: np.ndarray) -> np.ndarray:
         result = np.empty_like(right)
@@ -124,15 +129,65 @@ def factorise(matrix: csr_array | csc_array, solver: str | None = None) -> Facto
     )
     columns = csc_array(matrix)
     scale = np.sqrt(np.abs(columns.diagonal()))
-    try:
+    with _told(len(scale)):
         factor = Factor(chosen, _SOLVERS[chosen](columns))
         load = np.random.default_rng(0).standard_normal(len(scale)).astype(columns.dtype)
         growth = np.linalg.norm(scale * factor.solve(scale * load)) / np.linalg.norm(load)
-        if not growth < _GROWTH:
-            raise ArithmeticError("singular to rounding")
+        _require_held(float(growth))
+    return factor
+
+
+def compliance_at(matrix: csr_array, nodes: np.ndarray, solver: str | None = None) -> np.ndarray:
+    r"""What some nodes give under loads on them: a block of the inverse of a stiffness.
+
+    With these nodes last in the order of elimination, the last block of the factors is that of
+    the Schur complement, whose inverse this is: nothing is solved for the other nodes.
+
+    **Arguments:**
+
+    - `matrix`: symmetric positive definite, of three unknowns a node, shape `[n, n]` [N/m].
+    - `nodes`: numbers of some of its nodes, shape `[node]`.
+    - `solver`: as of `factorise`; CHOLMOD does not show such a block, and solves for it.
+
+    **Returns:**
+
+    Shape `[3 node, 3 node]`, in the order of `nodes` [m/N].
+
+    **Raises:**
+
+    - `BodyError` if the matrix is singular or not definite.
+    """
+    size = matrix.indptr.size - 1
+    last = (_NODE * nodes[:, None] + np.arange(_NODE)).ravel()
+    if (solver or available_solvers()[0]) != "superlu":
+        units = np.zeros((size, len(last)))
+        units[last, np.arange(len(last))] = 1.0
+        return factorise(matrix, solver).solve(units)[last]
+    others = np.setdiff1d(np.arange(size), last)
+    columns = csc_array(matrix)
+    with _told(size):
+        order = others[_order(columns[others][:, others])]
+        factor = _in_order(columns, np.concatenate([order, last]))
+        lower, upper = (each[-len(last) :, -len(last) :].toarray() for each in (factor.L, factor.U))
+        given = np.linalg.inv(lower @ upper)
+        _require_held(float(np.abs(np.diagonal(given) * columns.diagonal()[last]).max()))
+    return given
+
+
+def _require_held(growth: float) -> None:
+    """Refuse a matrix whose scaled inverse is so large."""
+    if not growth < _GROWTH:
+        raise ArithmeticError("singular to rounding")
+
+
+@contextmanager
+def _told(unknowns: int) -> Generator[None]:
+    """Say in words of bodies what libraries have to say of a matrix."""
+    try:
+        yield
     except MemoryError as error:
         raise BodyError(
-            f"To factorise {len(scale)} unknowns takes more memory than there is. Make the grid "
+            f"To factorise {unknowns} unknowns takes more memory than there is. Make the grid "
             "coarser."
         ) from error
     except Exception as error:
@@ -142,4 +197,3 @@ def factorise(matrix: csr_array | csc_array, solver: str | None = None) -> Facto
             "nothing. Are there loose parts, parts that hang together by an edge, or nodes that "
             "belong to no element?"
         ) from error
-    return factor

@@ -30,11 +30,11 @@ os.environ.setdefault(
 # the body in place of a call, joins such notes. That was half the time of this, its longest pass.
 os.environ.setdefault("JAX_TRACEBACK_IN_LOCATIONS_LIMIT", "0")
 # What one run has compiled the next one reads, as do commands that tests start, of which none then
-# turns on a cache of its own.
+# turns on a cache of its own. But for what takes less to compile [s] than to write and to read.
 os.environ.setdefault(
     "JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parents[1] / ".pytest_cache" / "compiled")
 )
-os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.03")
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
 
 import jax
@@ -48,6 +48,7 @@ __all__ = [
     "pytest_collection_finish",
     "pytest_configure",
     "pytest_runtest_call",
+    "pytest_sessionfinish",
 ]
 
 # What Python compiles is kept too, the checks below in it, whatever the environment says: else each
@@ -95,6 +96,11 @@ def _fonts_are_known():
 
 def pytest_collection_finish() -> None:
     """What was imported stays: no look for garbage walks through it again."""
+    gc.freeze()
+
+
+def pytest_sessionfinish() -> None:
+    """Nothing more is given back: pytest looks for garbage five times as it ends."""
     gc.freeze()
 
 

@@ -10,7 +10,7 @@ from fem_prep import _solvers
 from fem_prep._checks import BodyError
 from fem_prep._modes import scale_of
 from fem_prep._seats import dofs_of
-from fem_prep._solvers import available_solvers, factorise
+from fem_prep._solvers import available_solvers, compliance_at, factorise
 from fem_prep._web import MeshSizing
 
 SOLVERS = [
@@ -58,12 +58,23 @@ def test_a_factor_leaves_the_load_alone(solver, matrix):
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
+def test_compliance_of_some_nodes_is_a_block_of_the_inverse(solver):
+    """In the order in which they are asked for."""
+    matrix, nodes = held_stiffness(), np.array([40, 3, 17, 4])
+    places = dofs_of(nodes)
+    exact = np.linalg.inv(matrix.toarray())[np.ix_(places, places)]
+    assert_near(compliance_at(matrix, nodes, solver), exact, 1e-11)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("around", [8, 15])
 def test_what_floats_is_refused(solver, around):
     """Rounding turns pivots of none into small ones, which no library need notice."""
     full = wheel_body(small_wheel(around), "none")
     with pytest.raises(BodyError, match="held by nothing"):
         factorise(full.stiffness, solver)
+    with pytest.raises(BodyError, match="held by nothing"):
+        compliance_at(full.stiffness, np.arange(4), solver)
     # A thousandth of the lowest frequency is enough to hold it.
     held = full.stiffness + (1e-4 * scale_of(full)) ** 2 * full.mass
     assert factorise(held, solver).solver == solver

@@ -7,7 +7,8 @@ neighbourhood of the root, with the same elements and with smaller ones, shows b
 A piece of rim is cut about the middle or an edge of an element, whichever is nearest to its tooth:
 with teeth and elements of different numbers every tooth stands elsewhere on its element, yet all of
 them stand on two kinds of pieces. Each kind is factorised once, and what its surface gives where
-feet stand gives the feet of every tooth.
+feet stand gives the feet of every tooth. Elements around a hole are all unlike: deep under the rim
+they are left out, as every tooth would have a piece of its own for what it hardly feels.
 """
 
 import dataclasses
@@ -33,8 +34,10 @@ from jaxgear._interface._roots import ROOT_POINTS, Axial, RimSurface, RootPatche
 from jaxgear._system._body_tables import root_patches
 from jaxgear.scene._kept_compliance import kept_compliance
 
-# How far the piece reaches to either side [pitches], and under the rim [root widths].
-_REACH, _DEPTH = 1.6, 1.5
+# How far the piece reaches to either side [pitches], and under the rim [root widths]; how far where
+# elements do not repeat around. Of wheels with thin webs a piece of the rim alone changes the mean
+# of the transmission error by less than 0.1 %, its RMS by 0.5 %.
+_REACH, _DEPTH, _UNEVEN_DEPTH = 1.6, 1.5, 1.0
 # Elements of the finer piece, around for a pitch and for each old one in depth: of a wheel with one
 # element for each tooth the root's deflection then is within 0.2 % of that of a body that is as
 # fine all over, where one of the old elements is 17 % off.
@@ -110,7 +113,8 @@ class RootCorrection:
         first = self._patches(np.zeros(1))
         reach = _REACH * self._pitch + off
         self._ends = first.angles.min() - reach, first.angles.max() + reach
-        self._depth = _DEPTH * first.width
+        even = _repeat_around(body, len(self._anchors) // 2, self._radius)
+        self._depth = np.where(even, _DEPTH, _UNEVEN_DEPTH) * first.width
 
     def __call__(self, teeth: np.ndarray) -> np.ndarray:
         """More give of the feet of some teeth, in their frames.
@@ -216,19 +220,22 @@ class RootCorrection:
     def _give(self, grid: Grid, patches: RootPatches) -> np.ndarray:
         """Compliance between the feet of each tooth on a piece, `[tooth, 6 slice, 6 slice]`."""
         rows = interface_map(RimSurface(grid.nodes, surface_of(grid, RIM)), patches).rows
-        count = len(patches.angles)
-        each = rows.shape[0] // count
-        under = np.unique(rows.indices)
-        # Many teeth stand on few nodes: then these are loaded, one direction after the other.
-        if len(under) >= rows.shape[0]:
-            given = piece_compliance(grid, self._material, rows.T.toarray())
-            return given.reshape(count, each, count, each)[range(count), :, range(count)]
-        loads = np.zeros((rows.shape[1], len(under)))
-        loads[under, np.arange(len(under))] = 1.0
-        surface = piece_compliance(grid, self._material, loads)
-        feet = rows[:, under]
-        own = (feet[i * each : (i + 1) * each] for i in range(count))
-        return np.stack([tooth @ (tooth @ surface).T for tooth in own])
+        nodes = np.unique(rows.indices // 3)
+        under = piece_compliance(grid, self._material, nodes)
+        feet = rows[:, (3 * nodes[:, None] + np.arange(3)).ravel()]
+        each = feet.shape[0] // len(patches.angles)
+        own = (feet[start : start + each] for start in range(0, feet.shape[0], each))
+        return np.stack([tooth @ (tooth @ under).T for tooth in own])
+
+
+def _repeat_around(body: ReducedBody, elements: int, radius: float) -> np.ndarray:
+    """Which elements have others like them all around, as many as the rim has, `[brick]`."""
+    x, y, z = body.nodes[body.bricks[:, :8]].mean(axis=1).T
+    places = np.stack([np.hypot(x, y), z], axis=1)
+    alike = scipy.spatial.KDTree(places).query_ball_point(
+        places, _SAME * radius, return_length=True
+    )
+    return np.asarray(alike) == elements
 
 
 def _anchors(body: ReducedBody) -> np.ndarray:
