@@ -208,6 +208,23 @@ class BodyBasis:
             found[np.ix_(seats + alike, seats + alike)] = between
         return jnp.asarray(found)
 
+    def repeats(self, teeth: int, sectors: int) -> int:
+        """After how many mesh periods it is itself again.
+
+        **Arguments:**
+
+        - `teeth`: of the gear.
+        - `sectors`: of the body.
+
+        **Returns:**
+
+        The number of mesh periods; twice as many for modes that change their sign from each sector
+        to the next and pass an odd number of them, unless every tooth stands on the same.
+        """
+        common = math.gcd(teeth, sectors)
+        alone, odd = bool(np.any(2 * self.waves == sectors)), (sectors // common) % 2 == 1
+        return (2 if alone and odd and common < teeth else 1) * teeth // common
+
     def under_teeth(self, teeth: int, sectors: int) -> tuple["BodyBasis", int]:
         """What of a basis repeats under teeth, and after how many mesh periods.
 
@@ -220,24 +237,19 @@ class BodyBasis:
 
         **Returns:**
 
-        The basis and the number of mesh periods: where every tooth stands on the same, modes that
-        change their sign from each to the next are left out; else after two turns of the sectors
-        they are themselves again.
+        The basis, without modes that change their sign from each sector to the next where every
+        tooth stands on the same odd number of them; the number of mesh periods, as of `repeats`.
         """
-        common = math.gcd(teeth, sectors)
-        alone = 2 * self.waves == sectors
-        passed = sectors // common
-        if not alone.any() or passed % 2 == 0:
-            return self, teeth // common
-        if common < teeth:
-            return self, 2 * teeth // common
+        alone, repeats = 2 * self.waves == sectors, self.repeats(teeth, sectors)
+        if not alone.any() or repeats > 1 or (sectors // teeth) % 2 == 0:
+            return self, repeats
         kept = dict(
             square=self.square[~alone],
             shapes=self.shapes[:, ~alone],
             waves=self.waves[~alone],
             diameters=self.diameters[~alone],
         )
-        return replace(self, **kept), 1
+        return replace(self, **kept), repeats
 
 
 def body_basis(body: Condensed, count: int) -> BodyBasis:

@@ -2,11 +2,9 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import scipy
 
 from jaxgear._checks import require
 from jaxgear._geometry._lines import MeshGrid, face_positions
@@ -15,16 +13,16 @@ from jaxgear._geometry._profile import tooth_section
 from jaxgear._interface._roots import (
     ROOT_POINTS,
     Axial,
-    InterfaceMap,
     RimSurface,
     RootPatches,
     interface_map,
 )
 from jaxgear._system._body_heat import BodyHeat, no_strain
-from jaxgear._system._body_modes import BodyBasis, BodyModes
+from jaxgear._system._body_in_mesh import BodyInMesh
+from jaxgear._system._body_modes import BodyBasis
 from jaxgear._system._condensed import Condensed
-from jaxgear._system._even_seats import along_axis, same_all_round
 from jaxgear._system._flexible import FlexibleBody
+from jaxgear._system._held_body import HeldBody, held_body
 from jaxgear._system._rim_checks import check_elements, check_rim
 from jaxgear._types import as_reals
 
@@ -152,28 +150,81 @@ def flexible_body(
     - `ValueError` if the body is not this gear's or has no faces on the rim, if slices are off it,
         if seats are not named as they must be, or if the stiffness between them is uneven.
     """
+    teeth = (pair.pinion, pair.wheel)[index].teeth
+    repeats = repeats_under(body, teeth, basis)
+    found = body_in_mesh(
+        body,
+        pair,
+        index,
+        grid,
+        repeats,
+        gear_seat=gear_seat,
+        load_seats=load_seats,
+        points=points,
+        axial=axial,
+        motion=motion,
+        local=local,
+        give=give,
+        ribs=ribs,
+        heat=heat,
+    )
+    if basis is None:
+        return found.still
+    return found.moving(basis.under_teeth(teeth, _sectors(body))[0])
+
+
+def body_in_mesh(
+    body: Condensed,
+    pair: GearPair,
+    index: int,
+    grid: MeshGrid,
+    repeats: int,
+    *,
+    gear_seat: str | None = None,
+    load_seats: Sequence[str] = (),
+    points: int = ROOT_POINTS,
+    axial: Axial = "mortar",
+    motion: RootMotion = "rigid",
+    local: Callable[[np.ndarray], np.ndarray] | None = None,
+    give: Callable[[RootPatches], np.ndarray] | None = None,
+    ribs: np.ndarray | None = None,
+    heat: np.ndarray | None = None,
+) -> BodyInMesh:
+    """Put a condensed body in mesh, whatever motions it may vibrate on.
+
+    **Arguments:**
+
+    - `repeats`: mesh periods after which it repeats, of `repeats_under`.
+    - the others: as of `flexible_body`.
+
+    **Returns:**
+
+    The body in mesh.
+
+    **Raises:**
+
+    - `ValueError` as `flexible_body`.
+    """
     check_rim(body, pair, index)
     check_elements(body, pair, index, grid)
     gear = (pair.pinion, pair.wheel)[index]
-    basis, repeats = _repeating(body, gear.teeth, basis)
     each, lines = _different_teeth(index, grid, gear.teeth, repeats)
     patches = root_patches(pair, index, grid, each, points=points, axial=axial)
     found, components = interface_map(_surface(body), patches), root_components(pair, motion)
-    held = _held(body, found, patches, components, heat, None if give is None else give(patches))
+    held = held_body(
+        body, found, patches, components, heat, None if give is None else give(patches)
+    )
     count, slices, size, cells = len(each), grid.slices, len(components), grid.cells
     pairs = _between_cells(held, lines, each, repeats, local, components, ribs)
-
-    def on_cells(rows: np.ndarray) -> np.ndarray:
-        """Rows of all feet as `[period, component, cell, ...]`."""
-        chosen = rows.reshape(count, slices, size, *rows.shape[1:])[lines]
-        return np.moveaxis(chosen, 3, 1).reshape(-1, size, cells, *rows.shape[1:])
-
+    # Rows of all feet, as the components of the cells have them.
+    rows = np.arange(count * slices * size).reshape(count, slices, size)[lines]
+    places = np.moveaxis(rows, 3, 1).reshape(-1, size, cells)
     centres = found.centres.reshape(count, slices, 3)[lines].reshape(-1, cells, 3)
-    return FlexibleBody(
+    still = FlexibleBody(
         flexibility=as_reals(0.5 * (pairs + pairs.transpose(0, 2, 1, 4, 3))),
-        from_seats=as_reals(on_cells(held.from_seats)),
-        growth=as_reals(on_cells(held.growth)),
-        heat=None if heat is None else _heat_on(held, on_cells),
+        from_seats=as_reals(held.from_seats[places]),
+        growth=as_reals(held.growth[places]),
+        heat=None if heat is None else _heat_on(held, places),
         centres=as_reals(centres),
         seat_stiffness=as_reals(held.seat_stiffness),
         seat_load=as_reals(held.seat_load),
@@ -185,8 +236,8 @@ def flexible_body(
         first_line=grid.first_line,
         slices=slices,
         repeats=repeats,
-        modes=None if basis is None else _modes_on(basis, body, held, on_cells, heat),
     )
+    return BodyInMesh(body, still, held.feet, places, heat)
 
 
 def _different_teeth(
@@ -202,76 +253,35 @@ def _surface(body: Condensed) -> RimSurface:
     return RimSurface(body.rim_nodes, body.rim_faces)
 
 
-def _repeating(
-    body: Condensed, teeth: int, basis: BodyBasis | None
-) -> tuple[BodyBasis | None, int]:
-    """The basis under so many teeth, and after how many of them the body is itself again."""
+def repeats_under(body: Condensed, teeth: int, basis: BodyBasis | None) -> int:
+    """After how many mesh periods a body is itself again.
+
+    **Arguments:**
+
+    - `body`: the condensed body.
+    - `teeth`: of its gear.
+    - `basis`: motions on which it vibrates, or `None`: it is for statics.
+
+    **Returns:**
+
+    The number of mesh periods.
+    """
+    sectors = _sectors(body)
+    return teeth // math.gcd(teeth, sectors) if basis is None else basis.repeats(teeth, sectors)
+
+
+def _sectors(body: Condensed) -> int:
     sectors = body.facts.get("sectors", 1)
     assert isinstance(sectors, int)
-    if basis is None:
-        return None, teeth // math.gcd(teeth, sectors)
-    return basis.under_teeth(teeth, sectors)
+    return sectors
 
 
-@dataclass(frozen=True)
-class _HeldBody:
-    """A body with its seats held, and what the seats feel of it.
-
-    **Fields:**
-
-    - `feet`: their components by the translations of the rim nodes, `[row, 3 rim]`.
-    - `of_rim`: motion of the rim by loads on them, `[3 rim, row]`.
-    - `known`: what the feet's components give, if known from elsewhere, `[row, row]`.
-    - `from_seats`: `[row, 6 seat]`, both in the frame of each foot.
-    - `growth`: of the feet by rotation `[row]`.
-    - `warm`: of the feet by heat, `[row, part]`.
-    - `seat_stiffness`, `seat_load`: of the seats, the same in every direction.
-    - `seat_heat`: load on them by heat, `[seat_dof, part]`.
-    """
-
-    feet: "scipy.sparse.csr_array"
-    of_rim: np.ndarray
-    known: np.ndarray | None
-    from_seats: np.ndarray
-    growth: np.ndarray
-    seat_stiffness: np.ndarray
-    seat_load: np.ndarray
-    warm: np.ndarray
-    seat_heat: np.ndarray
-
-    def flexibility(self, rows: np.ndarray) -> np.ndarray:
-        """What some of the feet's components give by each other's loads, `[row, row]`."""
-        if self.known is not None:
-            return self.known[np.ix_(rows, rows)]
-        return self.feet[rows] @ self.of_rim[:, rows]
-
-
-def _heat_on(held: _HeldBody, on_cells: Callable) -> BodyHeat:
-    return BodyHeat(as_reals(on_cells(held.warm)), as_reals(held.seat_heat), no_strain())
-
-
-def _modes_on(
-    basis: BodyBasis,
-    body: Condensed,
-    held: _HeldBody,
-    on_cells: Callable,
-    heat: np.ndarray | None,
-) -> BodyModes:
-    """The modes of a body, as the cells see them."""
-    rows = held.feet @ basis.shapes[: held.feet.shape[1]]
-    return BodyModes(
-        square=as_reals(basis.square),
-        rows=as_reals(on_cells(rows)),
-        load=as_reals(basis.shapes.T @ body.centrifugal_load),
-        heat=None if heat is None else as_reals(basis.shapes.T @ heat.T),
-        **basis.matrices(body)._asdict(),
-        waves=tuple(int(wave) for wave in basis.waves),
-        diameters=tuple(int(number) for number in basis.diameters),
-    )
+def _heat_on(held: HeldBody, places: np.ndarray) -> BodyHeat:
+    return BodyHeat(as_reals(held.warm[places]), as_reals(held.seat_heat), no_strain())
 
 
 def _between_cells(
-    held: _HeldBody,
+    held: HeldBody,
     lines: np.ndarray,
     teeth: np.ndarray,
     repeats: int,
@@ -308,62 +318,6 @@ def _of_one_tooth(local: np.ndarray, slices: int, components: tuple[int, ...]) -
     """What the feet of one tooth give, as `[slice, component, slice, component]`."""
     chosen = local.reshape(slices, 6, slices, 6)[:, list(components)]
     return chosen[:, :, :, list(components)]
-
-
-def _held(
-    body: Condensed,
-    found: InterfaceMap,
-    patches: RootPatches,
-    components: tuple[int, ...],
-    heat: np.ndarray | None,
-    give: np.ndarray | None,
-) -> _HeldBody:
-    """Hold the seats of a body, and move them and load its feet one by one.
-
-    What the feet give can be known from elsewhere: of all components, `[6 foot, 6 foot]`.
-    """
-    rim, count = 3 * len(body.rim_nodes), len(body.seats)
-    seat = np.arange(rim, rim + 6 * count)
-    inner = np.setdiff1d(np.arange(len(body.stiffness)), seat)
-    joined = body.stiffness[np.ix_(inner, seat)]
-    angles = patches.angles.ravel()
-    kept = (6 * np.arange(len(angles))[:, None] + np.array(components)).ravel()
-    rows = found.rows[kept]
-    whole = np.stack([body.centrifugal_load, *([] if heat is None else heat)], axis=1)
-    # Feet of many teeth are more than the rim has motions: then these are loaded one by one.
-    loads = scipy.sparse.eye_array(rim) if len(kept) > rim else rows.T
-    # Unit motions of the seats, loads on the feet, rotation, heat: all in one solution.
-    seats, feet = joined.shape[1], joined.shape[1] + loads.shape[1]
-    right = np.zeros((len(inner), feet + whole.shape[1]), order="F")
-    right[:, :seats] = joined
-    right[:rim, seats:feet] = loads.toarray()
-    right[:, feet:] = whole[inner]
-    inside = body.stiffness[np.ix_(inner, inner)]
-    factor = scipy.linalg.cho_factor(inside, lower=True, overwrite_a=True, check_finite=False)
-    solved = scipy.linalg.cho_solve(factor, right, overwrite_b=True, check_finite=False)
-    of_rim, by_seats = solved[:rim, seats:feet], solved[:, :seats]
-    on_seats = along_axis(whole[seat] - joined.T @ solved[:, feet:])
-    stiffness = body.stiffness[np.ix_(seat, seat)]
-    alone = rows @ solved[:rim, feet:]
-    return _HeldBody(
-        feet=rows,
-        of_rim=(rows @ of_rim.T).T if len(kept) > rim else of_rim,
-        known=None if give is None else give[np.ix_(kept, kept)],
-        from_seats=-_turned(rows @ by_seats[:rim], angles),
-        growth=alone[:, 0],
-        warm=alone[:, 1:],
-        seat_stiffness=same_all_round(stiffness - joined.T @ by_seats, stiffness, body),
-        seat_load=on_seats[:, 0],
-        seat_heat=on_seats[:, 1:],
-    )
-
-
-def _turned(rows: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """Rows of each foot per motion of the seats in the body's frame: now in the foot's."""
-    apart = rows.reshape(len(angles), len(rows) // len(angles), -1, 3)
-    cosine, sine = np.cos(angles)[:, None, None], np.sin(angles)[:, None, None]
-    x, y, z = np.moveaxis(apart, 3, 0)
-    return np.stack([cosine * x + sine * y, cosine * y - sine * x, z], axis=3).reshape(rows.shape)
 
 
 def _gear_seat(body: Condensed, name: str | None) -> int:

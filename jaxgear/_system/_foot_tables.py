@@ -82,12 +82,7 @@ def mode_arms(pair: GearPair, index: int, body: FlexibleBody, lines: ContactLine
     """
     modes = body.modes
     assert modes is not None
-    teeth = (pair.pinion, pair.wheel)[index].teeth
-    # Of the first cell: its tooth in each period, and how far the helix has it turned.
-    first = np.arange(body.periods)
-    tooth = (1.0, -1.0)[index] * (body.first_line - first)
-    twist = (1.0, -1.0)[index] * jnp.tan(pair.base_helix_angle) / pair.base_radius[index]
-    on_body = 2.0 * jnp.pi / teeth * jnp.asarray(tooth) + twist * lines.face_position.ravel()[0]
+    on_body = _first_cells(pair, index, body, lines)
     roll = lines.roll.reshape(lines.periods, -1, *lines.roll.shape[1:])
     partner, number = wave_partners(modes.waves)
 
@@ -111,6 +106,49 @@ def mode_arms(pair: GearPair, index: int, body: FlexibleBody, lines: ContactLine
 
     found = jax.lax.map(of_period, (jnp.arange(lines.periods), roll))
     return found.reshape(-1, *found.shape[2:])
+
+
+def _first_cells(pair: GearPair, index: int, body: FlexibleBody, lines: ContactLines) -> Array:
+    """Angles on the body of the first cell of each mesh period [rad]."""
+    teeth = (pair.pinion, pair.wheel)[index].teeth
+    # Its tooth in each period, and how far the helix has it turned.
+    first = np.arange(body.periods)
+    tooth = (1.0, -1.0)[index] * (body.first_line - first)
+    twist = (1.0, -1.0)[index] * jnp.tan(pair.base_helix_angle) / pair.base_radius[index]
+    return 2.0 * jnp.pi / teeth * jnp.asarray(tooth) + twist * lines.face_position.ravel()[0]
+
+
+@compiled
+def foot_loads(
+    pair: GearPair, index: int, body: FlexibleBody, lines: ContactLines
+) -> tuple[Array, Array]:
+    """Loads on the feet by loads along each contact line by itself, as of `line_loads`.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+    - `index`: 0 for the pinion, 1 for the wheel.
+    - `body`: of that gear.
+    - `lines`: where the cells are.
+
+    **Returns:**
+
+    On the components of the cells' feet, shape `[phase, load, component, cell]` [-, m]; how far
+    the body has turned from where its first cell is on it, shape `[phase]` [rad].
+    """
+    on_body = _first_cells(pair, index, body, lines)
+    roll = lines.roll.reshape(lines.periods, -1, *lines.roll.shape[1:])
+
+    def of_period(given: tuple[Array, Array]) -> tuple[Array, Array]:
+        period, roll = given
+        own = period % body.periods
+        weights, angle = foot_weights(pair, index, body.centres[own], roll, lines.face_position)
+        chosen = jnp.stack([weights[c] for c in body.components], axis=1)
+        return chosen, angle[:, 0] - on_body[own]
+
+    found, ahead = jax.lax.map(of_period, (jnp.arange(lines.periods), roll))
+    found = found.reshape(-1, *found.shape[2:])
+    return line_loads(lines)[:, :, None, :] * found[:, None], ahead.ravel()
 
 
 # Loads along a contact line: even, tilted and bowed, the latter as parts of an even one.

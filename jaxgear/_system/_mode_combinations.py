@@ -1,18 +1,32 @@
-"""A condensed body on combinations of the modes that it was made with, or on fewer of them."""
+"""A condensed body on combinations of its natural modes, or on fewer of them."""
 
 import dataclasses
 from typing import NamedTuple
 
 import jax.numpy as jnp
-import jax.scipy.linalg
 import numpy as np
-from jaxtyping import Array
 
-from jaxgear._compiled import compiled
+from jaxgear._system._body_in_mesh import BodyInMesh
 from jaxgear._system._body_modes import BodyBasis, BodyModes, wave_partners
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._residual_shapes import Residual
 from jaxgear._types import as_reals
+
+
+class ShapedBody(NamedTuple):
+    """A body on combinations of its modes.
+
+    **Fields:**
+
+    - `flexible`: its tables; what the combinations leave deflects statically.
+    - `basis`: the combinations as a basis, without residual shapes.
+    - `residual`: motion of its coordinates per part of a residual shape, as of
+        `Combinations.residual_motions`, or `None`: there are none [kg^-1/2].
+    """
+
+    flexible: FlexibleBody
+    basis: BodyBasis
+    residual: np.ndarray | None
 
 
 class Combinations(NamedTuple):
@@ -49,7 +63,7 @@ class Combinations(NamedTuple):
         """
         assert self.residual is not None
         partner, number = wave_partners(basis.waves)
-        _, parts = self.residual.parts(partner, np.asarray(number))
+        parts = self.residual.parts(partner, np.asarray(number))
         # Each wave is of few modes.
         some = [np.any(own != 0.0, axis=(1, 2)) for own in parts]
         of_wave = [
@@ -58,63 +72,85 @@ class Combinations(NamedTuple):
         ]
         return np.stack(of_wave, axis=1).reshape(len(basis.shapes), -1)
 
-    def of_body(self, body: FlexibleBody) -> FlexibleBody:
-        """The body on these combinations of its modes; what they leave deflects statically."""
-        modes = body.modes
+    def of_body(self, body: BodyInMesh, basis: BodyBasis) -> ShapedBody:
+        """A body on these combinations of its modes.
+
+        **Arguments:**
+
+        - `body`: in mesh.
+        - `basis`: its natural modes.
+
+        **Returns:**
+
+        The body.
+        """
+        own, residual = self.of_basis(basis), self.residual
+        found = body.moving(own)
+        modes = found.modes
+        if residual is None or not residual.square.size:
+            return ShapedBody(found, own, None)
         assert modes is not None
-        assert modes.residual is None
-        none = Residual(np.zeros((len(self.into), 0)), np.zeros(0))
-        residual = none if self.residual is None else self.residual
-        partner, number = wave_partners(modes.waves)
-        given = (self.into, residual.into, self.square, residual.square)
-        combined = _combined(modes, *map(as_reals, given))
-        kept = (
-            residual.rows(modes.rows, partner, np.asarray(number)) if residual.square.size else None
-        )
-        return dataclasses.replace(
-            body,
-            modes=dataclasses.replace(
-                combined,
-                waves=tuple(int(wave) for wave in self.waves),
-                diameters=tuple(int(number) for number in self.diameters),
-                residual=kept,
-            ),
-        )
+        waves = residual.waves(np.asarray(wave_partners(basis.waves)[1]))
+        parts = self.residual_motions(basis)
+        beside = _beside(modes, body, own, residual, waves, parts)
+        return ShapedBody(dataclasses.replace(found, modes=beside), own, parts)
 
 
-@compiled
-def _combined(
-    modes: BodyModes, into: Array, own: Array, square: Array, residual_square: Array
+def _beside(
+    modes: BodyModes,
+    body: BodyInMesh,
+    own: BodyBasis,
+    residual: Residual,
+    waves: tuple[int, ...],
+    parts: np.ndarray,
 ) -> BodyModes:
-    """Modes on combinations of theirs and on residual shapes, whose waves are not told."""
-    seats, count = modes.seat_dofs, residual_square.size
-    closed = seats + square.size
-    # All that moves: the coordinates, and what residual shapes become as the body turns.
-    moving = jnp.concatenate([into, own, modes.turning[seats:, seats:] @ own], axis=1)
-    moving = jax.scipy.linalg.block_diag(jnp.eye(seats), moving)
-    size = closed + count
-    shapes = moving[seats:, seats:size]
-    onto = lambda matrix: None if matrix is None else moving.T @ matrix @ moving
-    mass, softening = onto(modes.mass), onto(modes.softening)
-    assert mass is not None
-    turning = jnp.zeros((size + count, size)).at[size:, closed:].set(jnp.eye(count))
-    own_turning = moving[:, :closed].T @ modes.turning @ moving[:, :closed]
+    """Modes and residual shapes beside them, from the motion per part of these."""
+    count = residual.square.size
+    apart = parts.reshape(len(parts), len(waves), count, 2)
+    shapes = apart[..., 0].sum(axis=1)
+    # What they become as the body turns beneath them: other shapes, whose inertia counts.
+    turned = np.tensordot(apart[..., 1], np.array(waves, dtype=float), axes=(1, 0))
+    moved, condensed = np.concatenate([shapes, turned], axis=1), body.condensed
+
+    def bordered(closed: np.ndarray, matrix: np.ndarray, beside: np.ndarray, sign: float):
+        """A matrix on modes, and on motions beside them; it is as symmetric as its sign says."""
+        acting = matrix @ beside
+        between = own.motions.T @ acting
+        return as_reals(np.block([[closed, between], [sign * between.T, beside.T @ acting]]))
+
+    size = modes.size
+    turning = np.zeros((size + 2 * count, size + count))
+    turning[:size, :size] = modes.turning
+    turning[size + count :, size:] = np.eye(count)
+    coriolis, softening = modes.coriolis, modes.softening
+    if coriolis is not None:
+        assert condensed.coriolis is not None
+        coriolis = bordered(np.asarray(coriolis), condensed.coriolis, moved, -1.0)
+    if softening is not None:
+        assert condensed.stress_stiffening is not None
+        assert condensed.spin_softening is not None
+        stiffens = condensed.stress_stiffening - condensed.spin_softening
+        softening = bordered(np.asarray(softening), stiffens, shapes, 1.0)
+    on_shapes = lambda load: as_reals(shapes.T @ load)
+    heat = None
+    if modes.heat is not None:
+        assert body.heat is not None
+        heat = jnp.concatenate([modes.heat, on_shapes(body.heat.T)])
     return dataclasses.replace(
         modes,
-        square=jnp.concatenate([square, residual_square]),
-        rows=modes.rows @ into,
-        load=shapes.T @ modes.load,
-        heat=None if modes.heat is None else shapes.T @ modes.heat,
-        # Of unit modal mass: what rounding leaves would tie pairs together.
-        mass=mass.at[seats:closed, seats:closed].set(jnp.eye(square.size)),
-        turning=turning.at[:closed, :closed].set(own_turning),
-        coriolis=onto(modes.coriolis),
-        softening=None if softening is None else softening[:size, :size],
+        square=jnp.concatenate([modes.square, as_reals(residual.square)]),
+        load=jnp.concatenate([modes.load, on_shapes(condensed.centrifugal_load)]),
+        heat=heat,
+        mass=bordered(np.asarray(modes.mass), condensed.mass, moved, 1.0),
+        turning=as_reals(turning),
+        coriolis=coriolis,
+        softening=softening,
+        residual=residual.rows(body.rows(parts), waves),
     )
 
 
-def lowest_modes(basis: BodyBasis, count: int) -> Combinations | None:
-    """The lowest modes of a basis, as they are.
+def lowest_modes(basis: BodyBasis, count: int) -> BodyBasis:
+    """The lowest modes of a basis.
 
     **Arguments:**
 
@@ -123,15 +159,15 @@ def lowest_modes(basis: BodyBasis, count: int) -> Combinations | None:
 
     **Returns:**
 
-    These modes, or `None` if the basis has no more than so many.
+    They; all if there are no more than so many.
     """
-    size = len(basis.square)
-    if count == 0 or count >= size:
-        return None
+    if count == 0 or count >= len(basis.square):
+        return basis
     count -= int(basis.waves[count] < 0)
-    return Combinations(
-        into=np.eye(size)[:, :count],
+    return dataclasses.replace(
+        basis,
         square=basis.square[:count],
+        shapes=basis.shapes[:, :count],
         waves=basis.waves[:count],
         diameters=basis.diameters[:count],
     )

@@ -16,13 +16,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxgear._types import Reals
+from jaxgear._types import Reals, as_reals
 
 # Waves of fewer nodal diameters move the seats, and are left to the shapes.
 _LEAST_DIAMETERS = 2
 
-# Answers smaller than this, of the largest, are rounding.
+# Answers smaller than this, of all, are rounding.
 _NOISE = 1e-8
+
+# So many times more combinations of answers than shapes, and how often they are improved: sizes
+# fall by a decade over a few shapes, and are found to rounding.
+_MORE, _ITERATIONS = 4, 6
 
 
 class ResidualShapes(eqx.Module):
@@ -74,8 +78,18 @@ class Residual(NamedTuple):
     into: np.ndarray
     square: np.ndarray
 
-    def parts(self, partner: np.ndarray, number: np.ndarray) -> tuple[tuple[int, ...], np.ndarray]:
-        """The waves that the shapes are made of, and of each its part of each shape.
+    def waves(self, number: np.ndarray) -> tuple[int, ...]:
+        """Wave numbers that the shapes are made of, rising.
+
+        **Arguments:**
+
+        - `number`: of the modes, from `wave_partners`.
+        """
+        apart = np.unique(np.abs(number[np.any(self.into != 0.0, axis=1)]))
+        return tuple(int(wave) for wave in apart)
+
+    def parts(self, partner: np.ndarray, number: np.ndarray) -> np.ndarray:
+        """Of each wave that the shapes are made of its part of each shape.
 
         **Arguments:**
 
@@ -83,25 +97,24 @@ class Residual(NamedTuple):
 
         **Returns:**
 
-        The waves, rising, and pairs that turn into each other as modes of that wave do, the first
-        of them what is in the shape, `[wave, mode, shape, 2]` [-].
+        Pairs that turn into each other as modes of that wave do, the first of them what is in the
+        shape, `[wave, mode, shape, 2]` [-].
         """
-        apart = np.unique(np.abs(number[np.any(self.into != 0.0, axis=1)]))
-        own = (np.abs(number)[None, :] == apart[:, None])[:, :, None] * self.into[None]
+        alike = np.abs(number)[None, :] == np.array(self.waves(number))[:, None]
+        own = alike[:, :, None] * self.into[None]
         turned = (np.sign(number)[None, :, None] * own)[:, partner]
-        return tuple(int(wave) for wave in apart), np.stack([own, turned], axis=3)
+        return np.stack([own, turned], axis=3)
 
-    def rows(self, rows: Array, partner: np.ndarray, number: np.ndarray) -> ResidualShapes:
+    def rows(self, rows: np.ndarray, waves: tuple[int, ...]) -> ResidualShapes:
         """The motion of feet.
 
         **Arguments:**
 
-        - `rows`: of the modes, as of `BodyModes`.
-        - `partner`, `number`: of the modes, from `wave_partners`.
+        - `rows`: of their parts, `[period, component, cell, part]`, by wave, shape and of a pair.
+        - `waves`: that they are made of.
         """
-        waves, parts = self.parts(partner, number)
-        onto = jnp.einsum("xicm,wmkp->xpicwk", rows, jnp.asarray(parts))
-        return ResidualShapes(onto, waves)
+        apart = rows.reshape(*rows.shape[:3], len(waves), len(self.square), 2)
+        return ResidualShapes(as_reals(np.moveaxis(apart, -1, 1)), waves)
 
 
 def residual_shapes(
@@ -136,10 +149,24 @@ def residual_shapes(
     # Twice, so that what is left is apart from what is kept to the last digit.
     for _ in range(2):
         answers = answers - ours @ (ours.T @ answers)
-    vectors, sizes, _ = np.linalg.svd(answers, full_matrices=False)
-    few = vectors[:, :count][:, sizes[:count] > _NOISE * size]
+    few = _largest(answers, count, float(_NOISE * size))
     into = few / root[:, None] * turns[:, None]
     values, turn = np.linalg.eigh(into.T @ into)
     order = np.argsort(-values)
     values, turn = values[order], turn[:, order]
     return Residual(into @ turn / np.sqrt(values), 1.0 / values)
+
+
+def _largest(answers: np.ndarray, count: int, least: float) -> np.ndarray:
+    """The first left singular vectors, of sizes above the least.
+
+    By subspace iteration from random combinations of the answers (Halko, Martinsson and Tropp
+    2011): over a cycle of many mesh periods there are thousands of loads, and all of their singular
+    vectors take a minute.
+    """
+    start = np.random.default_rng(0).standard_normal((answers.shape[1], _MORE * count))
+    among = np.linalg.qr(answers @ start)[0]
+    for _ in range(_ITERATIONS):
+        among = np.linalg.qr(answers @ (answers.T @ among))[0]
+    vectors, sizes, _ = np.linalg.svd(among.T @ answers, full_matrices=False)
+    return among @ vectors[:, :count][:, sizes[:count] > least]

@@ -7,7 +7,6 @@ a wave are pairs of real ones, a quarter of a wave apart.
 """
 
 import math
-from collections import Counter
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -217,18 +216,21 @@ class SectorMotions:
         if count:
             sizes = np.cumsum([1 if self.alone(number) else 2 for _, number, _ in every])
             every = every[: int(np.searchsorted(sizes, count, side="right"))]
-        wanted = Counter(number for _, number, _ in every)
-        shapes = {
-            number: self.whole(solved[number][1][:, :few], number) for number, few in wanted.items()
-        }
-        squares, columns, waves = [], [], []
-        for square, number, place in every:
-            motion, pair = shapes[number][:, place], not self.alone(number)
-            parts = [np.real(motion), np.imag(motion)] if pair else [np.real(motion)]
-            columns += [math.sqrt(len(parts)) * part for part in parts]
-            squares += [square] * len(parts)
-            waves += [number, -number][: len(parts)]
-        return np.array(squares), np.stack(columns, axis=1), np.array(waves)
+        sizes = [1 if self.alone(number) else 2 for _, number, _ in every]
+        place = np.concatenate([[0], np.cumsum(sizes)])
+        squares = np.repeat([square for square, _, _ in every], sizes)
+        found = np.empty((self.size, place[-1]), order="F")
+        waves = np.empty(place[-1], dtype=int)
+        # One wave at a time: all of them at once would be as many complex numbers again.
+        of_wave = np.array([number for _, number, _ in every])
+        for number in map(int, np.unique(of_wave)):
+            own = place[np.flatnonzero(of_wave == number)]
+            motion = self.whole(solved[number][1][:, : len(own)], number)
+            parts = [np.real(motion)] if self.alone(number) else [np.real(motion), np.imag(motion)]
+            for second, part in enumerate(parts):
+                found[:, own + second] = math.sqrt(len(parts)) * part
+                waves[own + second] = -number if second else number
+        return squares, found, waves
 
     def following(self, stiffness: np.ndarray, seats: int) -> np.ndarray:
         """Static motion of all coordinates with each of the seats', `[dof, 6 seat]`."""

@@ -15,9 +15,10 @@ from jaxgear._checks import InputError, require
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
 from jaxgear._system._body_family import BodyFamily, body_family, family_parameters
+from jaxgear._system._body_in_mesh import BodyInMesh
 from jaxgear._system._body_modes import BodyBasis, body_basis
-from jaxgear._system._body_tables import flexible_body
-from jaxgear._system._excited_shapes import excited_shapes
+from jaxgear._system._body_tables import body_in_mesh, repeats_under
+from jaxgear._system._excited_shapes import CANDIDATES, excited_shapes
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._mode_combinations import lowest_modes
 from jaxgear._system._rim_checks import require_short_elements
@@ -46,7 +47,10 @@ class MeshBody:
     - `built`: the body and how it came about.
     - `flexible`: its tables, for the slices and contact lines of the scene.
     - `basis`: motions on which it vibrates, or `None`: it is for statics.
-    - `on_modes`: its tables on the natural modes of which its shapes are combinations, or `None`.
+    - `natural`: all natural modes that were found, of which these are some, or combinations.
+    - `in_mesh`: the body, to be given others of them.
+    - `on_modes`: makes its tables on the natural modes of which its shapes are combinations;
+        `None`: they are natural modes.
     - `follows`: key of a measure of its web that is to be varied, or `None`.
     - `family`: bodies over that measure, in the unit of its key; their statics is the body's.
     - `heated`: what heat does to it, or `None`: the scene gives no temperatures.
@@ -57,7 +61,9 @@ class MeshBody:
     built: BuiltBody
     flexible: FlexibleBody
     basis: BodyBasis | None
-    on_modes: FlexibleBody | None = None
+    natural: BodyBasis | None = None
+    in_mesh: BodyInMesh | None = None
+    on_modes: Callable[[], FlexibleBody] | None = None
     follows: str | None = None
     family: BodyFamily | None = None
     heated: HeatedBody | None = None
@@ -93,7 +99,8 @@ def with_bodies(
     if not moving:
         webs = {plan.gear: scene.gear(plan.gear).body.web for plan in plans}
         measures = {p.gear: _varied_measure(scene.optimise, webs[p.gear], p) for p in plans}
-    modes = scene.model.candidates if moving else None
+    # Residual shapes are of all modes.
+    modes = (0 if scene.model.shapes == "excited" else scene.model.modes) if moving else None
     made = [_made(plan, tell, modes) for plan in plans]
     if periods := _whole_cycles(scene.mesh, scene.gears, made):
         scene = scene.replace({"mesh.periods": periods})
@@ -235,7 +242,7 @@ def _whole_cycles(mesh: MeshKeys, gears: Mapping[str, GearKeys], made: Sequence[
         if basis is not None:
             teeth, sectors = gears[built.plan.gear].teeth, built.body.facts["sectors"]
             assert isinstance(sectors, int)
-            needed = math.lcm(needed, basis.under_teeth(teeth, sectors)[1])
+            needed = math.lcm(needed, basis.repeats(teeth, sectors))
     periods = mesh.periods
     if periods % needed == 0:
         return 0
@@ -268,7 +275,7 @@ def _in_mesh(
     grid: MeshGrid,
     tell: Callable[[str], None],
 ) -> MeshBody:
-    built, basis = made
+    built, natural = made
     plan, body = built.plan, built.body
     tell(f"{plan.gear}: teeth on the rim")
     index, local, give, ribs = GEARS.index(plan.gear), None, None, None
@@ -285,14 +292,11 @@ def _in_mesh(
             ribs = rim_ribs(plain, plan, pair, grid, tell, **on_rim)
         more: Any = {"local": local, "give": give, "ribs": ribs}
         seats: Any = {"gear_seat": plan.torque_seat or None, "load_seats": plan.load_seats}
-        more |= {"basis": basis, "motion": mesh.root_motion}
-        more["heat"] = None if heated is None else heated.load
-        flexible = flexible_body(body, pair, index, grid, **more, **seats, **on_rim)
-    in_mesh = MeshBody(built, flexible, basis, heated=heated)
-    if basis is None or model.shapes == "natural":
-        return in_mesh
-    tell(f"{plan.gear}: shapes that the mesh excites")
-    return _on_excited_shapes(in_mesh, pair, grid, model.modes)
+        more |= {"motion": mesh.root_motion, "heat": None if heated is None else heated.load}
+        repeats = repeats_under(body, plan.teeth_count, natural)
+        in_mesh = body_in_mesh(body, pair, index, grid, repeats, **more, **seats, **on_rim)
+    at_rest = MeshBody(built, in_mesh.still, None, natural, in_mesh, heated=heated)
+    return at_rest if natural is None else _on_shapes(at_rest, model, pair, grid, tell)
 
 
 def with_shapes_of(scene: Scene, body: MeshBody) -> MeshBody:
@@ -301,43 +305,36 @@ def with_shapes_of(scene: Scene, body: MeshBody) -> MeshBody:
     **Arguments:**
 
     - `scene`: with the slices for which the body was put in mesh.
-    - `body`: on natural modes, `scene.model.candidates` of them or more.
+    - `body`: with all the natural modes that this takes.
 
     **Returns:**
 
     The body as `with_bodies` would have put it in mesh.
     """
     pair = pair_of(scene)
-    basis = _under_teeth(body)
-    lowest = lowest_modes(basis, scene.model.candidates)
-    if lowest is not None:
-        flexible, basis = lowest.of_body(body.flexible), lowest.of_basis(basis)
-        body = dataclasses.replace(body, flexible=flexible, basis=basis)
-    if scene.model.shapes == "natural":
-        return body
     torque = jnp.asarray(scene.pair.torque_pinion_Nm + couples_on_pinion(scene.pinion.shaft))
     grid = pair_grid(scene.mesh, pair, torque, scene.map.torques_Nm, condensed=True)
-    return _on_excited_shapes(body, pair, grid, scene.model.modes)
+    return _on_shapes(body, scene.model, pair, grid, lambda step: None)
 
 
-def _on_excited_shapes(body: MeshBody, pair: GearPair, grid: MeshGrid, count: int) -> MeshBody:
-    """A body on so many shapes in place of its natural modes, which it remembers."""
-    basis, index = _under_teeth(body), GEARS.index(body.built.plan.gear)
-    shapes = excited_shapes(basis, body.flexible, pair, index, grid, count)
-    if shapes is None:
-        return body
-    return dataclasses.replace(
-        body,
-        flexible=shapes.of_body(body.flexible),
-        basis=shapes.of_basis(basis),
-        on_modes=body.flexible,
-        residual=None if shapes.residual is None else shapes.residual_motions(basis),
-    )
-
-
-def _under_teeth(body: MeshBody) -> BodyBasis:
-    """The basis of a body that vibrates, as it repeats under its teeth."""
-    sectors = body.built.body.facts["sectors"]
+def _on_shapes(
+    body: MeshBody, model: ModelKeys, pair: GearPair, grid: MeshGrid, tell: Callable[[str], None]
+) -> MeshBody:
+    """A body that vibrates on some of its natural modes, or on shapes that the mesh excites."""
+    natural, in_mesh, count = body.natural, body.in_mesh, model.modes
+    assert natural is not None
+    assert in_mesh is not None
+    gear, teeth = body.built.plan.gear, body.built.plan.teeth_count
+    sectors = in_mesh.condensed.facts["sectors"]
     assert isinstance(sectors, int)
-    assert body.basis is not None
-    return body.basis.under_teeth(body.built.plan.teeth_count, sectors)[0]
+    on = lambda basis: in_mesh.moving(basis.under_teeth(teeth, sectors)[0])
+    if model.shapes == "excited":
+        tell(f"{gear}: shapes that the mesh excites")
+        basis, _ = natural.under_teeth(teeth, sectors)
+        shapes = excited_shapes(basis, in_mesh, pair, GEARS.index(gear), grid, count)
+        if shapes is not None:
+            shaped = shapes.of_body(in_mesh, basis)._asdict()
+            on_modes = lambda: on(lowest_modes(natural, CANDIDATES * count))
+            return dataclasses.replace(body, **shaped, on_modes=on_modes)
+    basis = lowest_modes(natural, count)
+    return dataclasses.replace(body, flexible=on(basis), basis=basis, on_modes=None, residual=None)

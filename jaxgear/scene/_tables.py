@@ -109,11 +109,6 @@ class MeshKeys(AbstractKeys):
     )
 
 
-# Natural modes of which so many times fewer excited shapes are made: what is beyond them follows
-# without inertia. With 800 in all the largest mesh force of the accessory wheel is 0.4 % off.
-_CANDIDATES = 6
-
-
 class ModelKeys(AbstractKeys):
     """What is kept of bodies in motion: `[model]`."""
 
@@ -139,11 +134,6 @@ class ModelKeys(AbstractKeys):
         """Shapes by which each condensed body vibrates, 0: all."""
         usual = {"excited": 250, "natural": 100}[self.shapes]
         return usual if self.coordinates is None else self.coordinates
-
-    @property
-    def candidates(self) -> int:
-        """Natural modes of which they are made, 0: all."""
-        return self.modes * (_CANDIDATES if self.shapes == "excited" else 1)
 
     def at_mesh(self, helix: float, periods: int) -> int:
         """Combinations of them that the mesh tells apart in a cycle of so many mesh periods.

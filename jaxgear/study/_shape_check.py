@@ -125,7 +125,7 @@ def shape_check(built: BuiltScene, dynamics: Dynamics, found: Sweep) -> ShapeChe
     """
     scene = built.scene
     richer = {
-        gear: dataclasses.replace(body, flexible=body.on_modes)
+        gear: dataclasses.replace(body, flexible=body.on_modes())
         for gear, body in scene.bodies.items()
         if body.on_modes is not None
     }

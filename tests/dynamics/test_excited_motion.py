@@ -24,7 +24,7 @@ from jaxgear._dynamics._steppers import Midpoint
 from jaxgear._dynamics._system import ModalBasis, modal_basis
 from jaxgear._response._dynamic import dynamic_transmission_error, orbit_variance
 from jaxgear._system._body_modes import body_basis
-from jaxgear._system._body_tables import flexible_body
+from jaxgear._system._body_tables import body_in_mesh
 from jaxgear._system._excited_shapes import excited_shapes
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._mode_combinations import lowest_modes
@@ -62,15 +62,15 @@ def _wheels(name: str) -> dict[str, FlexibleBody]:
     grid = _grid(case.kind, case.periods)
     sectors = body.facts["sectors"]
     assert isinstance(sectors, int)
-    basis, _ = body_basis(body, 4 * COUNT).under_teeth(pair.wheel.teeth, sectors)
-    whole = flexible_body(body, pair, 1, grid, basis=basis)
-    excited, natural = (
-        excited_shapes(basis, whole, pair, 1, grid, COUNT),
-        lowest_modes(basis, COUNT),
-    )
+    basis, repeats = body_basis(body, 4 * COUNT).under_teeth(pair.wheel.teeth, sectors)
+    in_mesh = body_in_mesh(body, pair, 1, grid, repeats)
+    excited = excited_shapes(basis, in_mesh, pair, 1, grid, COUNT)
     assert excited is not None
-    assert natural is not None
-    return {"all": whole, "excited": excited.of_body(whole), "natural": natural.of_body(whole)}
+    return {
+        "all": in_mesh.moving(basis),
+        "excited": excited.of_body(in_mesh, basis).flexible,
+        "natural": in_mesh.moving(lowest_modes(basis, COUNT)),
+    }
 
 
 def _model(case: _Case, wheel: FlexibleBody, **others) -> jg.PairModel:

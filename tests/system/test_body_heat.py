@@ -21,10 +21,10 @@ from jaxgear._dynamics._table import MIDDLE, mesh_at
 from jaxgear._response._gauges import gauge_influences, gauge_readings
 from jaxgear._system._body_family import table_difference
 from jaxgear._system._body_modes import body_basis
-from jaxgear._system._body_tables import flexible_body
+from jaxgear._system._body_tables import body_in_mesh, flexible_body
+from jaxgear._system._excited_shapes import excited_shapes
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._foot_tables import foot_tables
-from jaxgear._system._mode_combinations import lowest_modes
 from jaxgear._system._model import PairModel
 from jaxgear._system._scaled_body import scaled_body
 
@@ -145,17 +145,22 @@ def test_a_heated_wheel_in_motion_rests_as_it_does_in_statics(kind):
 
 
 @pytest.mark.slow
-def test_combinations_of_modes_bear_the_heat_of_the_modes():
-    body = _warm(_body("spur", 1, count=24), _STRAIN)
-    basis = body_basis(hybrid_cases.body("spur", 1), 24)
-    few = lowest_modes(basis, 9)
-    assert few is not None
-    assert body.modes is not None
-    assert body.modes.heat is not None
-    found = few.of_body(body).modes
+def test_combinations_of_modes_and_residual_shapes_bear_the_heat_of_the_modes():
+    own, pair, grid = hybrid_cases.body("spur", 1), PAIRS["spur"](), _grid("spur")
+    heat = hybrid_cases.heated("spur", 1).load
+    basis = body_basis(own, 60)
+    in_mesh = body_in_mesh(own, pair, 1, grid, 1, heat=heat)
+    shapes = excited_shapes(basis, in_mesh, pair, 1, grid, 20)
+    assert shapes is not None
+    assert shapes.residual is not None
+    every, found = in_mesh.moving(basis).modes, shapes.of_body(in_mesh, basis).flexible.modes
+    assert every is not None
     assert found is not None
+    into = np.concatenate([shapes.into, shapes.residual.into], axis=1)
+    assert every.heat is not None
     assert found.heat is not None
-    assert_close(found.heat, body.modes.heat[: found.square.size], rtol=1e-12, atol=0.0)
+    scale = float(jnp.abs(every.heat).max())
+    assert_close(found.heat / scale, into.T @ every.heat / scale, rtol=0.0, atol=1e-12)
 
 
 @pytest.mark.slow

@@ -1,5 +1,6 @@
 """Shapes of condensed bodies that the mesh excites: what they keep of natural modes, and gain."""
 
+import dataclasses
 import functools
 from typing import NamedTuple
 
@@ -18,11 +19,12 @@ from fem_prep import ReducedBody
 from jaxgear._dynamics._bodies import VibratingBody, turning_terms
 from jaxgear._geometry._lines import contact_lines
 from jaxgear._response._body_motion import BodyMotion, _by_parts, rotating_spectrum
+from jaxgear._system._body_in_mesh import BodyInMesh
 from jaxgear._system._body_modes import BodyBasis, BodyModes, body_basis
-from jaxgear._system._body_tables import flexible_body
+from jaxgear._system._body_tables import body_in_mesh, flexible_body
 from jaxgear._system._excited_shapes import excited_shapes, natural_among
 from jaxgear._system._flexible import FlexibleBody
-from jaxgear._system._foot_tables import mode_arms
+from jaxgear._system._foot_tables import line_loads, mode_arms
 from jaxgear._system._mode_combinations import Combinations
 from jaxgear._system._residual_shapes import Residual
 from jaxgear._system._scaled_body import scaled_body
@@ -45,10 +47,17 @@ def _case(name: str, kind: str = "spur"):
     body, pair = hybrid_cases.body(kind, 1, **BODIES[name]), PAIRS[kind]()
     grid = jg.mesh_grid(pair, phases=16, slices=4)
     basis, _ = body_basis(body, 4 * COUNT).under_teeth(pair.wheel.teeth, _sectors(body))
-    flexible = flexible_body(body, pair, 1, grid, basis=basis)
-    found = excited_shapes(basis, flexible, pair, 1, grid, COUNT)
+    found = excited_shapes(basis, _in_mesh(name, kind), pair, 1, grid, COUNT)
     assert found is not None
     return body, pair, grid, basis, found.of_basis(basis)
+
+
+@functools.cache
+def _in_mesh(name: str, kind: str = "spur") -> BodyInMesh:
+    body, pair = hybrid_cases.body(kind, 1, **BODIES[name]), PAIRS[kind]()
+    grid = jg.mesh_grid(pair, phases=16, slices=4)
+    repeats = body_basis(body, 4 * COUNT).repeats(pair.wheel.teeth, _sectors(body))
+    return body_in_mesh(body, pair, 1, grid, repeats)
 
 
 @every_body
@@ -129,33 +138,18 @@ def test_flanks_move_closer_to_all_modes_than_by_as_many_natural_ones(name):
 
 
 def test_a_basis_with_no_more_modes_stays_what_it_is():
-    body, pair, grid, basis, _ = _case("plain")
-    flexible = flexible_body(body, pair, 1, grid, basis=basis)
+    _, pair, grid, basis, _ = _case("plain")
     for count in (0, len(basis.square), 1000):
-        assert excited_shapes(basis, flexible, pair, 1, grid, count) is None
+        assert excited_shapes(basis, _in_mesh("plain"), pair, 1, grid, count) is None
 
 
 @every_body
-def test_tables_of_combinations_are_those_of_a_body_made_on_them(name):
-    body, pair, grid, basis, shapes = _case(name)
-    flexible = flexible_body(body, pair, 1, grid, basis=basis)
-    combinations = excited_shapes(basis, flexible, pair, 1, grid, COUNT)
-    assert combinations is not None
-    found, made = (
-        each.modes
-        for each in (
-            combinations._replace(residual=None).of_body(flexible),
-            flexible_body(body, pair, 1, grid, basis=shapes),
-        )
-    )
-    assert found is not None
-    assert made is not None
-    for field in ("square", "rows", "load", "mass", "turning", "coriolis", "softening"):
-        got, wanted = getattr(found, field), getattr(made, field)
-        assert (got is None) == (wanted is None), field
-        if got is not None:
-            assert_near(got, wanted, 1e-8)
-    assert (found.waves, found.diameters) == (made.waves, made.diameters)
+def test_loads_on_modes_are_arms_of_the_cells_under_loads_along_lines(name):
+    body, pair, grid, basis, _ = _case(name)
+    lines = contact_lines(pair, grid)
+    arms = mode_arms(pair, 1, flexible_body(body, pair, 1, grid, basis=basis), lines)
+    wanted = np.einsum("plc,pcn->pln", line_loads(lines), arms).reshape(-1, len(basis.square))
+    assert_near(_in_mesh(name).loads(pair, 1, lines, basis), wanted, 1e-12)
 
 
 # --- Residual shapes
@@ -175,11 +169,12 @@ class _Combined(NamedTuple):
 def _combined(name: str) -> _Combined:
     body, pair, grid, basis, _ = _case(name)
     flexible = flexible_body(body, pair, 1, grid, basis=basis)
-    found = excited_shapes(basis, flexible, pair, 1, grid, COUNT)
+    found = excited_shapes(basis, _in_mesh(name), pair, 1, grid, COUNT)
     assert found is not None
     assert found.residual is not None
     every = np.concatenate([found.into, found.residual.into], axis=1)
-    return _Combined(flexible, found.of_body(flexible), found, found.residual, every)
+    combined = found.of_body(_in_mesh(name), basis).flexible
+    return _Combined(flexible, combined, found, found.residual, every)
 
 
 def _modes(body: FlexibleBody) -> BodyModes:
@@ -272,13 +267,22 @@ def test_a_turning_body_shows_its_residual_shapes_as_the_modes_that_they_are_mad
 
 
 def test_another_material_of_a_body_with_residual_shapes():
-    """As if its modes had been of that material."""
-    flexible, combined, found, residual, _ = _combined("rotating")
-    material = {"young": 1.3, "density": 0.8}
-    got = _modes(scaled_body(combined, **material))
-    scaled = residual._replace(square=residual.square * 1.3 / 0.8)
-    shapes = found._replace(square=found.square * 1.3 / 0.8, residual=scaled)
-    wanted = _modes(shapes.of_body(scaled_body(flexible, **material)))
+    """As if it had been condensed of that material."""
+    _, combined, found, residual, _ = _combined("rotating")
+    young, density = 1.3, 0.8
+    got = _modes(scaled_body(combined, young=young, density=density))
+    body, _, _, basis, _ = _case("rotating")
+    by_mass = ("mass", "coriolis", "spin_softening", "stress_stiffening", "centrifugal_load")
+    scaled = {name: density * getattr(body, name) for name in by_mass}
+    made = dataclasses.replace(body, stiffness=young * body.stiffness, **scaled)
+    # Of unit mass.
+    modes = dataclasses.replace(basis, shapes=basis.shapes / np.sqrt(density))
+    ratio = young / density
+    shapes = found._replace(
+        square=ratio * found.square, residual=residual._replace(square=ratio * residual.square)
+    )
+    in_mesh = dataclasses.replace(_in_mesh("rotating"), condensed=made)
+    wanted = _modes(shapes.of_body(in_mesh, modes).flexible)
     for field in ("square", "rows", "load", "mass", "turning", "coriolis", "softening"):
         assert_near(getattr(got, field), getattr(wanted, field), 1e-9)
     assert got.residual is not None

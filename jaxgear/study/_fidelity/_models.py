@@ -16,15 +16,13 @@ from jaxgear.study._progress import say
 class Models:
     """Scene and model of changes: condensed bodies are built once for each number of slices.
 
-    The `scene` is that of them all, without bodies. Bodies that vibrate are built on natural modes,
-    where the slices are the scene's own on at least so many `modes`, and get those or the excited
-    shapes of the changed scene.
+    The `scene` is that of them all, without bodies. Bodies that vibrate get the natural modes or
+    the excited shapes of the changed scene.
     """
 
-    def __init__(self, scene: Scene, *, moving: bool, modes: int | None = None):
+    def __init__(self, scene: Scene, *, moving: bool):
         self.scene = dataclasses.replace(scene, bodies=NOTHING)
         self.moving = moving
-        self.modes = modes
         self.built: dict[int, Mapping[str, Any]] = {}
         self.shaped: dict[Any, Mapping[str, Any]] = {}
 
@@ -47,14 +45,10 @@ class Models:
         return self.shaped[key]
 
     def _bodies(self, slices: int) -> Mapping[str, Any]:
-        """The bodies on so many slices, with all the natural modes that may be asked for."""
+        """The bodies on so many slices, whose natural modes excited shapes ask for, all of them."""
         if slices not in self.built:
             wanted = self.scene.replace({"mesh.slices": slices})
             if self.moving:
-                counts = [wanted.model.candidates]
-                if self.modes is not None and slices == self.scene.mesh.slices:
-                    counts.append(self.modes)
-                modes = 0 if 0 in counts else max(counts)
-                wanted = wanted.replace({"model.shapes": "natural", "model.coordinates": modes})
+                wanted = wanted.replace({"model.shapes": "excited"})
             self.built[slices] = with_bodies(wanted, say, moving=self.moving).bodies
         return self.built[slices]

@@ -123,7 +123,7 @@ class BodiesProblem(AbstractMotion):
         own = scene.model.modes
         most = 0 if own == 0 else max(own, modes or _MODES // len(scene.condensed))
         with narration("bodies of the reference"):
-            models = Models(scene, moving=True, modes=most)
+            models = Models(scene, moving=True)
             models({})
         levels = Hierarchy(scene).bodies(most) if levels is None else levels
         super().__init__(models, levels, 3, speeds)
