@@ -101,6 +101,8 @@ class BodyInMesh:
         gathered.eliminate_zeros()
         found = gathered @ (self.feet @ basis.shapes[: self.feet.shape[1]])
         partner, number = wave_partners(basis.waves)
-        turned = np.repeat(ahead, on_feet.shape[1])[:, None] * np.asarray(number)
-        # The first of a pair has a positive number, the second the same negative.
-        return np.cos(turned) * found - np.sin(turned) * found[:, partner]
+        # In place, for there are thousands of loads over a long cycle. The first of a pair has a
+        # positive number, the second the same negative.
+        for turned, own in zip(np.outer(ahead, number), np.split(found, len(ahead)), strict=True):
+            own[:] = np.cos(turned) * own - np.sin(turned) * own[:, partner]
+        return found

@@ -283,11 +283,14 @@ def body_basis(body: Condensed, count: int) -> BodyBasis:
     )
     waves = SectorMotions(body, sectors)
     square, shapes, numbers = waves.modes(count)
+    # The second of a pair has as many as the first, beside which it stands.
+    first = numbers >= 0
+    diameters = nodal_diameters(body.rim_nodes, shapes[: waves.rim, first])
     return BodyBasis(
         square=square,
         shapes=shapes,
         following=waves.following(body.stiffness, len(body.seats)),
         waves=numbers,
-        diameters=nodal_diameters(body.rim_nodes, shapes[: waves.rim]),
+        diameters=diameters[np.cumsum(first) - 1],
         times=waves.times,
     )

@@ -134,7 +134,8 @@ def residual_shapes(
 
     - `square`, `waves`, `diameters`: of the modes.
     - `kept`: $Q$, shapes on which the body vibrates, `[mode, shape]`.
-    - `loads`: $L$, loads on the modes, `[load, mode]` [kg^-1/2].
+    - `loads`: $L$, loads on the modes, zero on those that they are not to be made of,
+        `[load, mode]` [kg^-1/2].
     - `count`: number of residual shapes.
 
     **Returns:**
@@ -155,6 +156,12 @@ def residual_shapes(
     order = np.argsort(-values)
     values, turn = values[order], turn[:, order]
     return Residual(into @ turn / np.sqrt(values), 1.0 / values)
+
+
+def beside(one: Residual, other: Residual) -> Residual:
+    """Residual shapes of some modes and of others, which are apart."""
+    into = np.concatenate([one.into, other.into], axis=1)
+    return Residual(into, np.concatenate([one.square, other.square]))
 
 
 def _largest(answers: np.ndarray, count: int, least: float) -> np.ndarray:

@@ -219,8 +219,7 @@ class SectorMotions:
         sizes = [1 if self.alone(number) else 2 for _, number, _ in every]
         place = np.concatenate([[0], np.cumsum(sizes)])
         squares = np.repeat([square for square, _, _ in every], sizes)
-        found = np.empty((self.size, place[-1]), order="F")
-        waves = np.empty(place[-1], dtype=int)
+        found, waves = np.empty((self.size, place[-1])), np.empty(place[-1], dtype=int)
         # One wave at a time: all of them at once would be as many complex numbers again.
         of_wave = np.array([number for _, number, _ in every])
         for number in map(int, np.unique(of_wave)):

@@ -22,7 +22,7 @@ from jaxgear._response._body_motion import BodyMotion, _by_parts, rotating_spect
 from jaxgear._system._body_in_mesh import BodyInMesh
 from jaxgear._system._body_modes import BodyBasis, BodyModes, body_basis
 from jaxgear._system._body_tables import body_in_mesh, flexible_body
-from jaxgear._system._excited_shapes import excited_shapes, natural_among
+from jaxgear._system._excited_shapes import CANDIDATES, excited_shapes, natural_among
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._foot_tables import line_loads, mode_arms
 from jaxgear._system._mode_combinations import Combinations
@@ -193,6 +193,27 @@ def test_residual_shapes_are_of_unit_mass_and_apart_in_stiffness(name):
     root = np.sqrt(square)
     assert_near(stiffness / root / root[:, None], np.eye(len(root)), 1e-8)
     assert np.all(residual.into[basis.diameters < 2] == 0.0)
+
+
+def test_four_more_residual_shapes_are_of_the_modes_beyond_those_that_shapes_are_made_of():
+    """Apart from the others, and what the rest of those modes give at rest is little."""
+    body, pair, grid, _, _ = _case("plain")
+    basis, _ = body_basis(body, 0).under_teeth(pair.wheel.teeth, _sectors(body))
+    found = excited_shapes(basis, _in_mesh("plain"), pair, 1, grid, 12)
+    assert found is not None
+    assert found.residual is not None
+    into, end = found.residual.into, 12 * CANDIDATES
+    assert into.shape[1] == 12 + 4
+    assert np.all(into[end:, :12] == 0.0)
+    assert np.all(into[: end - 1, 12:] == 0.0)
+    assert_near(into.T @ into, np.eye(16), 1e-9)
+    assert_near(into.T @ (basis.square[:, None] * into), np.diag(found.residual.square), 1e-9)
+    loads = _in_mesh("plain").loads(pair, 1, contact_lines(pair, grid), basis)[:, end:]
+    turns = (basis.diameters[end:] >= 2) & (np.abs(basis.waves[end:]) >= 2)
+    own, square = into[end:, 12:], basis.square[end:]
+    whole = np.sum((loads * turns) ** 2 / square)
+    kept = np.sum((loads @ own) ** 2 / found.residual.square[12:])
+    assert 0.9 * whole < kept < whole
 
 
 @every_body
