@@ -144,6 +144,7 @@ def residual_shapes(
     """
     root = np.sqrt(square)
     turns = (np.abs(waves) >= _LEAST_DIAMETERS) & (diameters >= _LEAST_DIAMETERS)
+    turns &= loads.any(axis=0)
     answers = ((loads / root) * turns).T
     ours = np.linalg.qr(root[:, None] * kept)[0]
     size = np.linalg.norm(answers)
