@@ -99,12 +99,12 @@ def excited_shapes(
         [x for shape in shapes for x in values(shape)[: len(shape.columns)]]
     )
     into = np.stack([column for shape in shapes for column in shape.columns], axis=1)
-    of_modes = basis.square, basis.waves, basis.diameters, into
+    of_modes = basis.square, basis.waves, basis.diameters, into, loads
     within = np.arange(len(basis.square)) < end
-    residual = [
-        residual_shapes(*of_modes, loads * part, number)
-        for part, number in ((within, _RESIDUAL), (~within, _BEYOND))
-    ]
+    residual = (
+        residual_shapes(*of_modes, among, number)
+        for among, number in ((within, _RESIDUAL), (~within, _BEYOND))
+    )
     return Combinations(
         into=into,
         square=each(lambda shape: [shape.square] * 2),

@@ -123,6 +123,7 @@ def residual_shapes(
     diameters: np.ndarray,
     kept: np.ndarray,
     loads: np.ndarray,
+    among: np.ndarray,
     count: int,
 ) -> Residual:
     r"""The residual shapes that move most, in strain energy, under loads on the flanks.
@@ -134,8 +135,8 @@ def residual_shapes(
 
     - `square`, `waves`, `diameters`: of the modes.
     - `kept`: $Q$, shapes on which the body vibrates, `[mode, shape]`.
-    - `loads`: $L$, loads on the modes, zero on those that they are not to be made of,
-        `[load, mode]` [kg^-1/2].
+    - `loads`: $L$, loads on the modes, `[load, mode]` [kg^-1/2].
+    - `among`: modes that they may be made of, `[mode]`.
     - `count`: number of residual shapes.
 
     **Returns:**
@@ -144,7 +145,7 @@ def residual_shapes(
     """
     root = np.sqrt(square)
     turns = (np.abs(waves) >= _LEAST_DIAMETERS) & (diameters >= _LEAST_DIAMETERS)
-    turns &= loads.any(axis=0)
+    turns &= among
     answers = ((loads / root) * turns).T
     ours = np.linalg.qr(root[:, None] * kept)[0]
     size = np.linalg.norm(answers)

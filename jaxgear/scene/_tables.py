@@ -119,7 +119,7 @@ class ModelKeys(AbstractKeys):
     )
     shapes: Literal["natural", "excited"] = key(
         "which these are; natural: the lowest natural modes, seats held; excited: a quarter are "
-        "these, the others those combinations of higher ones that the mesh excites most, and 12 "
+        "these, the others those combinations of higher ones that the mesh excites most, and 16 "
         "more give what all others give at rest",
         default="excited",
     )
