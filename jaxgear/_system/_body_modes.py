@@ -109,6 +109,17 @@ def wave_partners(waves: Sequence[int] | np.ndarray) -> tuple[np.ndarray, Array]
     return partner, jnp.asarray(np.where(alone, 0, number), dtype=float)
 
 
+def whole_pairs(count: int, waves: np.ndarray) -> int:
+    """So many of the lowest modes, or one less where a pair would be parted.
+
+    **Arguments:**
+
+    - `count`: number of modes, no more than there are.
+    - `waves`: wave numbers by rising frequency, of the second of a pair below zero.
+    """
+    return count - int(count < len(waves) and waves[count] < 0)
+
+
 def turning_of_waves(waves: np.ndarray) -> np.ndarray:
     """$J$ of motions with such wave numbers, as of `BodyBasis`, `[motion, motion]` [-]."""
     turning = np.zeros((len(waves), len(waves)))

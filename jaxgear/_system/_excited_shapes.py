@@ -17,7 +17,7 @@ import numpy as np
 from jaxgear._geometry._lines import ContactLines, MeshGrid, contact_lines
 from jaxgear._geometry._pair import GearPair
 from jaxgear._system._body_in_mesh import BodyInMesh
-from jaxgear._system._body_modes import BodyBasis
+from jaxgear._system._body_modes import BodyBasis, whole_pairs
 from jaxgear._system._mode_combinations import Combinations
 from jaxgear._system._residual_shapes import beside, residual_shapes
 
@@ -85,7 +85,7 @@ def excited_shapes(
     shapes = _natural(basis, lowest)
     loads, answers = _loads(pair, index, body, basis, grid), []
     inertia = _inertia(basis, body, loads, float(pair.base_radius[index]))
-    end = _end_of_candidates(count, basis.waves)
+    end = whole_pairs(min(CANDIDATES * count, len(basis.waves)), basis.waves)
     for first, second in _alike(basis, lowest, end):
         pressed, carried = (_on_modes(each, first, second) for each in (loads, inertia))
         found = _answers(pressed, carried, basis.square[first], alone=not second.size)
@@ -124,14 +124,7 @@ def natural_among(count: int, waves: np.ndarray) -> int:
     - `count`: number of shapes.
     - `waves`: wave numbers by rising frequency, of the second of a pair below zero.
     """
-    quarter = count // 4
-    return quarter - int(waves[quarter] < 0)
-
-
-def _end_of_candidates(count: int, waves: np.ndarray) -> int:
-    """How many of the lowest modes so many shapes are made of, no pair parted."""
-    end = min(CANDIDATES * count, len(waves))
-    return end - int(end < len(waves) and waves[end] < 0)
+    return whole_pairs(count // 4, waves)
 
 
 def _natural(basis: BodyBasis, count: int) -> list[_Shape]:

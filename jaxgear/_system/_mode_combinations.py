@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxgear._system._body_in_mesh import BodyInMesh
-from jaxgear._system._body_modes import BodyBasis, BodyModes, wave_partners
+from jaxgear._system._body_modes import BodyBasis, BodyModes, wave_partners, whole_pairs
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._residual_shapes import Residual
 from jaxgear._types import as_reals
@@ -163,7 +163,7 @@ def lowest_modes(basis: BodyBasis, count: int) -> BodyBasis:
     """
     if count == 0 or count >= len(basis.square):
         return basis
-    count -= int(basis.waves[count] < 0)
+    count = whole_pairs(count, basis.waves)
     return dataclasses.replace(
         basis,
         square=basis.square[:count],
