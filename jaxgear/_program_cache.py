@@ -126,6 +126,9 @@ def set_up(tell: Tell = _warned) -> None:
     import jax
 
     jax.config.update("jax_enable_x64", True)
+    # Where each operation stands in the sources is for profilers; XLA takes a while to join that.
+    if "JAX_TRACEBACK_IN_LOCATIONS_LIMIT" not in os.environ:
+        jax.config.update("jax_traceback_in_locations_limit", 0)
     cache_compilations(tell)
 
 

@@ -36,9 +36,7 @@ def inverse_involute(value: Reals) -> Reals:
     Pressure angle [rad].
     """
     angle = jnp.cbrt(3.0 * value) - 0.4 * value
-    for _ in range(6):
-        angle = angle - (involute(angle) - value) / jnp.tan(angle) ** 2
-    return angle
+    return jax.lax.fori_loop(0, 6, lambda _, x: x - (involute(x) - value) / jnp.tan(x) ** 2, angle)
 
 
 @inverse_involute.defjvp

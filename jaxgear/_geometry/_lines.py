@@ -254,6 +254,12 @@ def lines_on_steps(
     )
 
 
+# In base pitches. In the middle of the positions at which two lines bear both are equally near:
+# rounding would choose, and XLA, which may work a place out twice, once each way. What is taken by
+# one order would be put back by the other.
+_ASIDE = 1e-6
+
+
 def _near_path(place: Reals, ratio: Scalar, abreast: int) -> CellNumbers:
     """Cells of the lines that at each slice are nearest to the path, as many at every slice.
 
@@ -261,6 +267,7 @@ def _near_path(place: Reals, ratio: Scalar, abreast: int) -> CellNumbers:
     line nearest to the middle of the path comes first: where one is in contact, it is that one.
     """
     phases, lines, slices = place.shape
+    place = place - _ASIDE
     ahead = jnp.ceil(0.5 * (ratio - abreast) - place[:, 0]).astype(int)
     first = jnp.clip(ahead, 0, lines - abreast)
     nearest = jnp.round(0.5 * ratio - place[:, 0]).astype(int) - first
