@@ -100,7 +100,7 @@ def with_bodies(
         webs = {plan.gear: scene.gear(plan.gear).body.web for plan in plans}
         measures = {p.gear: _varied_measure(scene.optimise, webs[p.gear], p) for p in plans}
     # Residual shapes are of all modes.
-    modes = (0 if scene.model.shapes == "excited" else scene.model.modes) if moving else None
+    modes = (0 if scene.model.shapes == "excited" else scene.shape_count) if moving else None
     made = [_made(plan, tell, modes) for plan in plans]
     if periods := _whole_cycles(scene.mesh, scene.gears, made):
         scene = scene.replace({"mesh.periods": periods})
@@ -321,7 +321,7 @@ def _on_shapes(
     body: MeshBody, model: ModelKeys, pair: GearPair, grid: MeshGrid, tell: Callable[[str], None]
 ) -> MeshBody:
     """A body that vibrates on some of its natural modes, or on shapes that the mesh excites."""
-    natural, in_mesh, count = body.natural, body.in_mesh, model.modes
+    natural, in_mesh, count = body.natural, body.in_mesh, model.shape_count(float(pair.helix_angle))
     assert natural is not None
     assert in_mesh is not None
     gear, teeth = body.built.plan.gear, body.built.plan.teeth_count

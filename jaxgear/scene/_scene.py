@@ -89,6 +89,11 @@ class Scene(AbstractTables):
         return table_of(PlainTables, {**self.fixed, **values_instead(self.fixed)}, self.given)
 
     @property
+    def shape_count(self) -> int:
+        """Shapes by which each condensed body vibrates, 0: all."""
+        return self.model.shape_count(self.plain.pair.helix_angle_deg)
+
+    @property
     def at_mesh(self) -> int:
         """Combinations of what condensed bodies move that the mesh tells apart."""
         return self.model.at_mesh(self.plain.pair.helix_angle_deg, self.mesh.periods)

@@ -114,7 +114,7 @@ class ModelKeys(AbstractKeys):
 
     coordinates: int | None = key(
         "shapes by which each condensed body vibrates, the rest with their static part; 0: all, "
-        "250 unless said, of natural modes 100",
+        "200 unless said, of helical teeth 250, of natural modes 100",
         "[0, inf)",
     )
     shapes: Literal["natural", "excited"] = key(
@@ -129,10 +129,12 @@ class ModelKeys(AbstractKeys):
         "[4, 60]",
     )
 
-    @property
-    def modes(self) -> int:
-        """Shapes by which each condensed body vibrates, 0: all."""
-        usual = {"excited": 250, "natural": 100}[self.shapes]
+    def shape_count(self, helix: float) -> int:
+        """Shapes by which each condensed body vibrates, 0: all.
+
+        Spur teeth load their body in its plane alone, and excite fewer of its modes.
+        """
+        usual = {"excited": 250 if helix else 200, "natural": 100}[self.shapes]
         return usual if self.coordinates is None else self.coordinates
 
     def at_mesh(self, helix: float, periods: int) -> int:

@@ -56,7 +56,7 @@ def modes(scene: Scene) -> Result:
     scene = built.scene
     with narration("modes"):
         dynamics = solve_dynamics(built)
-        require_retained(scene.modes, scene.model.modes, dynamics.pair)
+        require_retained(scene.modes, scene.shape_count, dynamics.pair)
         # The first of a thin wheel are but its lowest waves.
         usual = 40 if scene.condensed else 12
         count = modes_shown(scene.modes, np.asarray(dynamics.modes.frequency), usual)

@@ -239,12 +239,12 @@ def test_a_rigid_body_has_the_mass_of_the_condensed_one(built):
 def test_models_of_a_scene_differ_in_one_thing(built):
     levels = Hierarchy(built).bodies(130)
     own = own_of(levels)
-    assert own.name == "250 excited shapes"
+    assert own.name == "200 excited shapes"
     names = [level.name for level in levels]
     assert len(set(names)) == len(names)
-    # There are not 250, and three slices are fewer than any that would be tried.
+    # There are not 200, and three slices are fewer than any that would be tried.
     natural = ["10 modes", "50 modes", "100 modes", "130 modes"]
-    assert names[:6] == [*natural, "100 excited shapes", "250 excited shapes"]
+    assert names[:6] == [*natural, "100 excited shapes", "200 excited shapes"]
     assert {"6 coordinates", "rigid"} <= set(names)
     assert not any("slices" in name for name in names)
     balance = {"sweep.steps", "sweep.harmonics"}
@@ -254,7 +254,7 @@ def test_models_of_a_scene_differ_in_one_thing(built):
         assert 2 * here.sweep.harmonics < here.sweep.steps
     few = Hierarchy(built).few()
     assert [level.name for level in few] == [
-        "250 excited shapes",
+        "200 excited shapes",
         "50 modes",
         "100 modes",
         "100 excited shapes",

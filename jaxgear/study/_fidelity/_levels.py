@@ -31,7 +31,7 @@ _STEPPERS = {
 }
 
 # Natural modes and excited shapes whose numbers are compared.
-_NATURAL, _EXCITED = (10, 50, 100, 200, 400), (100, 150, 200)
+_NATURAL, _EXCITED = (10, 50, 100, 200, 400), (100, 150, 200, 250)
 
 
 def _sliced(counts: Iterable[int]) -> Mapping[str, Changes]:
@@ -248,7 +248,7 @@ class Hierarchy:
     def _of_shapes(self, most: int) -> Mapping[str, Changes]:
         """More or fewer shapes of condensed bodies, natural ones first, by rising number."""
         every = max(body.built.body.dofs for body in self.scene.bodies.values())
-        limit, own = min(most or every, every), (self.scene.model.shapes, self.scene.model.modes)
+        limit, own = min(most or every, every), (self.scene.model.shapes, self.scene.shape_count)
         wanted = {("natural", n) for n in (*_NATURAL, most) if n <= limit}
         wanted |= {("excited", n) for n in _EXCITED if n < limit} | {own}
         words = {"natural": "modes", "excited": "excited shapes"}
@@ -261,7 +261,7 @@ class Hierarchy:
 
     def few(self) -> list[Level]:
         """The scene itself, and the few levels that are likely to be cheaper and to suffice."""
-        levels = self.bodies(self.scene.model.modes)
+        levels = self.bodies(self.scene.shape_count)
         own = own_of(levels)
         wanted = ("50 modes", "100 modes", "100 excited shapes", "5 slices", "H10 N64", "rigid")
         wanted = (*wanted, "rigid pinion")

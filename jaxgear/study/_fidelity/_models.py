@@ -38,7 +38,7 @@ class Models:
         """The bodies on the shapes that a scene asks for."""
         from jaxgear.scene._mesh_bodies import with_shapes_of
 
-        key = scene.mesh.slices, scene.model.shapes, scene.model.modes
+        key = scene.mesh.slices, scene.model.shapes, scene.shape_count
         if key not in self.shaped:
             bodies = self._bodies(scene.mesh.slices)
             self.shaped[key] = {gear: with_shapes_of(scene, bodies[gear]) for gear in bodies}

@@ -120,7 +120,7 @@ class BodiesProblem(AbstractMotion):
         Each body of the reference has so many natural modes; 800 of all together by default, and
         no fewer than shapes in the scene. A speed costs a second to several.
         """
-        own = scene.model.modes
+        own = scene.shape_count
         most = 0 if own == 0 else max(own, modes or _MODES // len(scene.condensed))
         with narration("bodies of the reference"):
             models = Models(scene, moving=True)
