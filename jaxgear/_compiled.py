@@ -17,7 +17,14 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxgear._checks import is_traced
-from jaxgear._kept_programs import keeps_verbs, make_room, verb_called
+from jaxgear._kept_programs import (
+    QUICKLY,
+    USUALLY,
+    Options,
+    keeps_verbs,
+    make_room,
+    verb_called,
+)
 
 _Given = ParamSpec("_Given")
 _Found = TypeVar("_Found")
@@ -37,7 +44,7 @@ def compiled(verb: Callable[_Given, _Found]) -> Callable[_Given, _Found]:
 
     The same function, compiled where it is called.
     """
-    return _compiled(verb, lasting=False)
+    return _compiled(verb)
 
 
 def lasting(verb: Callable[_Given, _Found]) -> Callable[_Given, _Found]:
@@ -53,10 +60,27 @@ def lasting(verb: Callable[_Given, _Found]) -> Callable[_Given, _Found]:
 
     The same function, compiled where it is called.
     """
-    return _compiled(verb, lasting=True)
+    return _compiled(verb, USUALLY)
 
 
-def _compiled(verb: Callable[_Given, _Found], *, lasting: bool) -> Callable[_Given, _Found]:
+def lasting_rare(verb: Callable[_Given, _Found]) -> Callable[_Given, _Found]:
+    """As `lasting`, of a verb that a study calls a few times: a third of the time to compile.
+
+    **Arguments:**
+
+    - `verb`: as of `lasting`.
+
+    **Returns:**
+
+    The same function, compiled where it is called.
+    """
+    return _compiled(verb, QUICKLY)
+
+
+def _compiled(
+    verb: Callable[_Given, _Found], kept: Options | None = None
+) -> Callable[_Given, _Found]:
+    """A verb compiled as a whole; kept in studies where it is said how it is compiled."""
     program: Callable[..., _Found] = eqx.filter_jit(verb)
     names = inspect.signature(verb).parameters
     settings = {name for name, each in names.items() if each.kind is each.KEYWORD_ONLY}
@@ -67,8 +91,8 @@ def _compiled(verb: Callable[_Given, _Found], *, lasting: bool) -> Callable[_Giv
             name: value if name in settings else _traceable(value) for name, value in kwargs.items()
         }
         given = tuple(map(_traceable, args))
-        if lasting and keeps_verbs() and not any_traced(given, named):
-            return verb_called(call, verb, given, named)
+        if kept is not None and keeps_verbs() and not any_traced(given, named):
+            return verb_called(call, verb, given, named, kept)
         started = time.monotonic()
         found = program(*given, **named)
         if time.monotonic() - started > _COMPILING and not any_traced(found):

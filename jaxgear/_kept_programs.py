@@ -18,6 +18,7 @@ import importlib.util
 import io
 import os
 import pickle
+import threading
 from collections.abc import Callable, Generator, Sequence
 from contextvars import ContextVar
 from pathlib import Path
@@ -84,17 +85,13 @@ _CONFIG: Any = jax.config
 
 
 def called(function: Callable[..., Any], *arguments: Any, options: Options = QUICKLY) -> Any:
-    """Call a function of a module, compiled, with numbers and arrays.
+    """What a function of a module, compiled, returns for numbers and arrays.
 
     **Arguments:**
 
     - `function`: to be called; all that it uses is in its arguments.
     - `arguments`: pytrees of numbers and arrays.
     - `options`: for the compiler.
-
-    **Returns:**
-
-    What the function returns.
     """
     leaves, structure = leaves_of(*arguments)
     return program_of(function, structure, kinds_of(leaves), options)(*leaves)
@@ -149,7 +146,11 @@ class _Verb:
 
 
 def verb_called(
-    named: Callable[..., Any], body: Callable[..., Any], args: tuple, kwargs: dict[str, Any]
+    named: Callable[..., Any],
+    body: Callable[..., Any],
+    args: tuple,
+    kwargs: dict[str, Any],
+    options: Options,
 ) -> Any:
     """Call a verb whose program is kept, with concrete arrays.
 
@@ -158,6 +159,7 @@ def verb_called(
     - `named`: what its module calls by the name of the verb.
     - `body`: the function itself.
     - `args`, `kwargs`: of the verb; what is no array is a part of the program.
+    - `options`: for the compiler.
 
     **Returns:**
 
@@ -168,7 +170,7 @@ def verb_called(
     held, shape = jax.tree.flatten(others)
     leaves, structure = jax.tree.flatten((arrays,))
     verb = _Verb(named, (tuple(held), shape), body)
-    return program_of(verb, structure, kinds_of(leaves), USUALLY)(*leaves)
+    return program_of(verb, structure, kinds_of(leaves), options)(*leaves)
 
 
 def leaves_of(*arguments: Any) -> tuple[list[Any], Any]:
@@ -207,7 +209,10 @@ def program_of(
     The function of such leaves.
     """
     if is_named(function):
-        return _named_program(function, structure, kinds, options)
+        asked = function, structure, kinds, options
+        # Of two threads that ask at once, one waits for what the other compiles.
+        with _BEING_MADE.setdefault(asked, threading.RLock()):
+            return _named_program(*asked)
     return _program(function, structure, kinds, options)
 
 
@@ -248,6 +253,10 @@ def _name(function: Any) -> str:
 def forget() -> None:
     """Let go of the programs of this process."""
     _named_program.cache_clear()
+    _BEING_MADE.clear()
+
+
+_BEING_MADE: dict[tuple[Any, ...], threading.RLock] = {}
 
 
 @dataclasses.dataclass

@@ -5,16 +5,12 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from jaxgear._compiled import lasting
-from jaxgear._dynamics._floquet import SlowModes, march_along
+from jaxgear._compiled import lasting, lasting_rare
 from jaxgear._dynamics._harmonic import Balance, HarmonicBalance
 from jaxgear._dynamics._harmonic_problem import Problem, imbalance, linearised, root_of
 from jaxgear._dynamics._orbit import Orbit, contact_force
-from jaxgear._dynamics._step_product import Monodromy, mean_tangents, product_of_steps
-from jaxgear._dynamics._steppers import Exponential
 from jaxgear._dynamics._system import DynamicSystem
 from jaxgear._dynamics._types import Responses, StepPlaces, Terms
-from jaxgear._dynamics._windows import MeshVariation, variation_of
 from jaxgear._types import Flag, Reals, Scalar
 
 
@@ -88,7 +84,7 @@ class PointResponse(NamedTuple):
     place: StepPlaces
 
 
-@lasting
+@lasting_rare
 def correction(
     balance: Balance, first: Reals, normal: Reals, value: Scalar, tolerance: Scalar
 ) -> CorrectedPoint:
@@ -130,7 +126,7 @@ def correction_at_speed(
     return CorrectedPoint(unknowns, tangent, error, steps), seen
 
 
-@lasting
+@lasting_rare
 def seen_of(balance: Balance, unknowns: Reals) -> PointResponse:
     """What is to be seen of a point."""
     terms, speed = parted_vector(balance, unknowns)
@@ -149,24 +145,3 @@ def _measures(system: DynamicSystem, orbit: Orbit) -> tuple[Scalar, Scalar]:
     error = error - jnp.sum(share * error)
     ratio = jnp.max(contact_force(system, orbit)) / system.force
     return ratio, jnp.sqrt(jnp.sum(share * error**2))
-
-
-@lasting
-def monodromy_of(
-    balance: Balance, slow: SlowModes, unknowns: Reals, place: StepPlaces
-) -> tuple[Monodromy, MeshVariation]:
-    """The monodromy matrix of the slow modes about a point, and what it is made of.
-
-    The point's mesh coordinates in mid-steps are known [m, rad].
-    """
-    speed = jnp.exp(unknowns[-1])
-    march = march_along(Exponential(), balance.law, balance.system, slow.basis, speed, place)
-    tangents = mean_tangents(march, place)
-    matrix = product_of_steps(march, tangents, slow.follows)
-    return matrix, variation_of(march, tangents, slow)
-
-
-@lasting
-def first_vector(method: HarmonicBalance, balance: Balance, speed: Scalar, near: Terms) -> Reals:
-    """The response that Newton's method reaches at a given speed."""
-    return joined_vector(balance, method.solve(balance, speed, near)[1], speed)

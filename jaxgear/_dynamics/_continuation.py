@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float
 
 from jaxgear._checks import require
-from jaxgear._dynamics._branch import first_vector, joined_vector, parted_vector, sizes_of
+from jaxgear._dynamics._branch import joined_vector, parted_vector, sizes_of
 from jaxgear._dynamics._floquet import STABLE
 from jaxgear._dynamics._guide import (
     Events,
@@ -288,7 +288,8 @@ def continuation(
     balance = harmonic_balance_problem(method, system)
     guide = Guide(method, balance, stability=stability)
     near = balance.rest if near is None else near
-    begun = np.asarray(first_vector(method, balance, jnp.asarray(float(at)), near))
+    speed = jnp.asarray(float(at))
+    begun = np.asarray(joined_once(balance, method.solve(balance, speed, near)[1], speed))
     way = np.sign(stop - start)
     first = guide.correct_at_speed(begun, way) if np.all(np.isfinite(begun)) else None
     if first is None:

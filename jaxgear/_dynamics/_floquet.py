@@ -16,7 +16,7 @@ import numpy as np
 import scipy
 from jaxtyping import Array
 
-from jaxgear._compiled import lasting
+from jaxgear._compiled import lasting_rare
 from jaxgear._dynamics._march_step import March, march_of
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._step_product import Monodromy, mean_tangents, product_of_steps
@@ -30,7 +30,7 @@ from jaxgear._types import CoordinateMatrix, Scalar
 STABLE = 1.0 + 1e-6
 
 
-@lasting
+@lasting_rare
 def monodromy(
     system: DynamicSystem,
     modes: ModalBasis,

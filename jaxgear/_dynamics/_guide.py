@@ -15,12 +15,11 @@ from jaxgear._dynamics._branch import (
     PointResponse,
     correction,
     correction_at_speed,
-    monodromy_of,
     seen_of,
 )
 from jaxgear._dynamics._floquet import STABLE, leading_multipliers, slow_modes
 from jaxgear._dynamics._harmonic import Balance, HarmonicBalance
-from jaxgear._dynamics._windows import MeshVariation, windows_of
+from jaxgear._dynamics._windows import MeshVariation, monodromy_of, windows_of
 
 
 class Place(NamedTuple):
@@ -106,7 +105,9 @@ class Guide:
         point = point._replace(seen=None, ratio=float(seen.ratio), te_rms=float(seen.te_rms))
         if not self.stability:
             return point, None, None
-        found = monodromy_of(self.balance, self.slow, unknowns, jnp.asarray(seen.place))
+        system, law = self.balance.system, self.balance.law
+        speed, place = jnp.exp(unknowns[-1]), jnp.asarray(seen.place)
+        found = monodromy_of(system, law, self.slow, speed, place)
         return point, *jax.device_get(found)
 
     def _judged(self, point: Place, matrix: np.ndarray | None) -> Place:

@@ -15,7 +15,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from jaxgear._checks import InputError, require
-from jaxgear._compiled import compiled, lasting
+from jaxgear._compiled import compiled, lasting, lasting_rare
 from jaxgear._dynamics._harmonic_basis import (
     HarmonicAnalysis,
     HarmonicValues,
@@ -248,7 +248,7 @@ class Balance(eqx.Module):
         )
 
 
-@lasting
+@lasting_rare
 def harmonic_balance_problem(method: HarmonicBalance, system: DynamicSystem) -> Balance:
     """Prepare what all speeds share.
 

@@ -30,6 +30,7 @@ from jaxgear._dynamics._steppers import Exponential
 from jaxgear._dynamics._sweep_types import Direction, SweepPoint, SweepSettings
 from jaxgear._dynamics._system import DynamicSystem, modal_basis
 from jaxgear._dynamics._types import Start, StepPlaces, Terms
+from jaxgear._dynamics._windows import monodromy_of
 from jaxgear._types import Scalar
 
 # Halves of a response over two cycles that differ by less than this, relative to its swing, are
@@ -287,7 +288,8 @@ class Finder:
         if not point.settled:
             return point
         law, slow = self.settings.method.law, self.slow
-        matrix = monodromy(self.system, slow.basis, point.orbit, law=law, follows=slow.follows)
+        orbit = point.orbit
+        matrix, _ = monodromy_of(self.system, law, slow, orbit.speed, orbit.place)
         return dataclasses.replace(point, multipliers=leading_multipliers(matrix, slow.basis))
 
     def _disturbed(self, point: SweepPoint) -> Start:

@@ -13,11 +13,20 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxgear._dynamics._floquet import SlowModes
+from jaxgear._compiled import lasting
+from jaxgear._dynamics._floquet import SlowModes, march_along
 from jaxgear._dynamics._march_step import March
-from jaxgear._dynamics._step_product import gains_of
-from jaxgear._dynamics._types import StepMatrices
-from jaxgear._types import Reals
+from jaxgear._dynamics._step_product import (
+    Monodromy,
+    gains_of,
+    mean_tangents,
+    product_of_steps,
+)
+from jaxgear._dynamics._steppers import Exponential
+from jaxgear._dynamics._system import DynamicSystem
+from jaxgear._dynamics._types import StepMatrices, StepPlaces
+from jaxgear._interface._laws import AbstractContactLaw
+from jaxgear._types import Reals, Scalar
 
 # Harmonics of the mesh period that may excite.
 _HARMONICS = 8
@@ -52,6 +61,36 @@ class MeshVariation(NamedTuple):
     mesh: Reals
     excess: Reals
     unit: Reals
+
+
+@lasting
+def monodromy_of(
+    system: DynamicSystem,
+    law: AbstractContactLaw,
+    slow: SlowModes,
+    speed: Scalar,
+    place: StepPlaces,
+) -> tuple[Monodromy, MeshVariation]:
+    """The monodromy matrix of the slow modes about a response, and what it is made of.
+
+    One program for a sweep and for the branch through it.
+
+    **Arguments:**
+
+    - `system`: what moves.
+    - `law`: contact law whose tangent stiffness counts.
+    - `slow`: its slowest modes.
+    - `speed`: of the pinion [rad/s].
+    - `place`: mesh coordinates of the response in mid-steps [m, rad].
+
+    **Returns:**
+
+    As `monodromy`, and how structure and mesh answer to a small disturbance.
+    """
+    march = march_along(Exponential(), law, system, slow.basis, speed, place)
+    tangents = mean_tangents(march, place)
+    matrix = product_of_steps(march, tangents, slow.follows)
+    return matrix, variation_of(march, tangents, slow)
 
 
 def variation_of(march: March, tangents: StepMatrices, slow: SlowModes) -> MeshVariation:

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxgear._checks import require
-from jaxgear._compiled import any_traced, compiled, lasting
+from jaxgear._compiled import any_traced, compiled, lasting_rare
 from jaxgear._geometry._gear import Gear
 from jaxgear._geometry._pair_facts import PairFacts
 from jaxgear._geometry._pair_formulas import AbstractGearPair
@@ -138,7 +138,7 @@ def _of_numbers(pair: GearPair) -> _PairOfNumbers:
     )
 
 
-@lasting
+@lasting_rare
 def _facts(pair: _PairOfNumbers) -> PairFacts:
     ratios = (profile_contact_ratio, overlap_ratio, total_contact_ratio, full_tip_shortening)
     found = {ratio.__name__: ratio(pair) for ratio in ratios}
@@ -146,7 +146,7 @@ def _facts(pair: _PairOfNumbers) -> PairFacts:
     return PairFacts(**own, **found)
 
 
-@lasting
+@lasting_rare
 def _root_radii(pair: _PairOfNumbers) -> Bodies:
     return pair.root_radius
 

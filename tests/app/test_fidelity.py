@@ -509,6 +509,10 @@ def test_the_results_say_which_level_was_taken():
 
 # --- Real scenes
 
+# Of slices on their own: where slices feel each other, what enters over a corner without relief
+# bears the more the finer they are, and nothing suffices.
+_APART = "mesh.face_coupling=none"
+
 
 def _recommended(name: str, *changes: str) -> str:
     """The level of a scene, tried at torques that were neither chosen by nor held out."""
@@ -528,24 +532,19 @@ def _recommended(name: str, *changes: str) -> str:
 
 @pytest.mark.slow
 def test_scenes_get_levels_of_their_own_that_hold_elsewhere():
-    """A helical pair needs more phases than a spur pair, whose fluctuation is twenty times it.
-
-    Of slices on their own: where slices feel each other, what enters over a corner without relief
-    bears the more the finer they are, and nothing suffices.
-    """
-    apart = "mesh.face_coupling=none"
-    assert _recommended("power", apart) != _recommended("accessory", apart)
+    """A helical pair needs more phases than a spur pair, whose fluctuation is twenty times it."""
+    assert _recommended("power", _APART) != _recommended("accessory", _APART)
 
 
 @pytest.mark.slow
 def test_the_rung_of_a_flexible_wheel_holds_elsewhere():
-    assert _recommended("accessory-h1") != "as given"
+    assert _recommended("accessory-h1", _APART) != "as given"
 
 
 @pytest.mark.slow
 def test_a_command_runs_with_the_rung_that_was_chosen(tmp_path, capsys):
     argv = ["run", "accessory.toml", "--quiet", "--out", str(tmp_path / "out")]
-    scene = example_scene("accessory", ['model.fidelity="auto"'])
+    scene = example_scene("accessory", ['model.fidelity="auto"', _APART])
     write_scene(scene, tmp_path / "accessory.toml")
     text = (tmp_path / "accessory.toml").read_text().split("[optimise]")[0]
     (tmp_path / "accessory.toml").write_text(text)

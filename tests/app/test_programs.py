@@ -1,6 +1,8 @@
 """Programs of commands: how many there are, that numbers are no part of them, that they last."""
 
+import concurrent.futures
 import os
+import time
 from pathlib import Path
 
 import equinox as eqx
@@ -105,6 +107,21 @@ def test_another_number_is_the_same_program_another_setting_or_shape_is_another(
     assert _asked(x=(1.0, 2.0, 3.0)) == [6.0, 12.0, 18.0]
     assert _TRACED == [3, 2, 3]
     assert len(list(kept_in.iterdir())) == 3
+
+
+def _slowly_traced(x: Array) -> Array:
+    _TRACED.append(0)
+    # Long enough that another thread asks meanwhile.
+    time.sleep(0.2)
+    return 2.0 * x
+
+
+def test_two_threads_that_ask_at_once_make_one_program(kept_in):
+    with concurrent.futures.ThreadPoolExecutor(2) as threads:
+        ask = lambda x: float(programs.called(_slowly_traced, x))
+        assert list(threads.map(ask, [1.0, 3.0])) == [2.0, 6.0]
+    assert len(_TRACED) == 1
+    assert len(list(kept_in.iterdir())) == 1
 
 
 def test_another_version_of_the_source_is_another_program(kept_in, monkeypatch):
