@@ -68,7 +68,7 @@ class Kind(NamedTuple):
 # XLA takes fusions through MLIR for half of its time; its plain emitter does as well here.
 _PLAIN = ("xla_cpu_use_fusion_emitters", False)
 # For programs that run a few times: a third of the time to compile, a few times as long to run.
-# Without the optimiser there is little to do for the threads that the last one divides it among.
+# Without the optimiser there is too little to do to split it among threads.
 QUICKLY = (
     ("xla_backend_optimization_level", 0),
     ("xla_llvm_disable_expensive_passes", True),

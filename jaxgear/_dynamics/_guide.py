@@ -106,7 +106,7 @@ class Guide:
         if not self.stability:
             return point, None, None
         system, law = self.balance.system, self.balance.law
-        speed, place = jnp.exp(unknowns[-1]), jnp.asarray(seen.place)
+        speed, place = jnp.asarray(np.exp(point.unknowns[-1])), jnp.asarray(seen.place)
         found = monodromy_of(system, law, self.slow, speed, place)
         return point, *jax.device_get(found)
 

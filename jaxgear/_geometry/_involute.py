@@ -36,6 +36,7 @@ def inverse_involute(value: Reals) -> Reals:
     Pressure angle [rad].
     """
     angle = jnp.cbrt(3.0 * value) - 0.4 * value
+    # Written out, XLA would repeat all steps within each use of the angle.
     return jax.lax.fori_loop(0, 6, lambda _, x: x - (involute(x) - value) / jnp.tan(x) ** 2, angle)
 
 
