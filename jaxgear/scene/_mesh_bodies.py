@@ -321,7 +321,8 @@ def _on_shapes(
     body: MeshBody, model: ModelKeys, pair: GearPair, grid: MeshGrid, tell: Callable[[str], None]
 ) -> MeshBody:
     """A body that vibrates on some of its natural modes, or on shapes that the mesh excites."""
-    natural, in_mesh, count = body.natural, body.in_mesh, model.shape_count(float(pair.helix_angle))
+    natural, in_mesh = body.natural, body.in_mesh
+    count = model.shape_count(float(pair.helix_angle), grid.periods)
     assert natural is not None
     assert in_mesh is not None
     gear, teeth = body.built.plan.gear, body.built.plan.teeth_count

@@ -91,7 +91,7 @@ class Scene(AbstractTables):
     @property
     def shape_count(self) -> int:
         """Shapes by which each condensed body vibrates, 0: all."""
-        return self.model.shape_count(self.plain.pair.helix_angle_deg)
+        return self.model.shape_count(self.plain.pair.helix_angle_deg, self.mesh.periods)
 
     @property
     def at_mesh(self) -> int:

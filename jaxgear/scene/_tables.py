@@ -114,7 +114,8 @@ class ModelKeys(AbstractKeys):
 
     coordinates: int | None = key(
         "shapes by which each condensed body vibrates, the rest with their static part; 0: all, "
-        "200 unless said, of helical teeth 250, of natural modes 100",
+        "200 unless said, of helical teeth or where a cycle has many mesh periods 250, of natural "
+        "modes 100",
         "[0, inf)",
     )
     shapes: Literal["natural", "excited"] = key(
@@ -129,12 +130,12 @@ class ModelKeys(AbstractKeys):
         "[4, 60]",
     )
 
-    def shape_count(self, helix: float) -> int:
-        """Shapes by which each condensed body vibrates, 0: all.
+    def shape_count(self, helix: float, periods: int) -> int:
+        """Shapes by which each condensed body vibrates in a cycle of so many periods, 0: all.
 
-        Spur teeth load their body in its plane alone, and excite fewer of its modes.
+        Spur teeth load a body of equal sectors in its plane alone, and excite fewer of its modes.
         """
-        usual = {"excited": 250 if helix else 200, "natural": 100}[self.shapes]
+        usual = {"excited": 250 if helix or periods > 1 else 200, "natural": 100}[self.shapes]
         return usual if self.coordinates is None else self.coordinates
 
     def at_mesh(self, helix: float, periods: int) -> int:
