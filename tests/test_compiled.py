@@ -75,9 +75,11 @@ def test_a_pair_of_other_teeth_is_built_without_a_program():
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("_nothing_compiled")
 def test_verbs_of_dynamics_are_compiled_as_a_whole():
-    """A pair in motion, its modes, a march and a sweep; other speeds and loads compile nothing."""
+    """A pair in motion, its modes, a march and a sweep; other speeds and loads compile nothing.
+
+    On a grid that no other test has, as above.
+    """
     grid = _grid(phases=32)
     method = jg.HarmonicBalance(harmonics=4)
     settings = jg.SweepSettings(method=method)

@@ -49,8 +49,8 @@ class MeshBody:
     - `basis`: motions on which it vibrates, or `None`: it is for statics.
     - `natural`: all natural modes that were found, of which these are some, or combinations.
     - `in_mesh`: the body, to be given others of them.
-    - `on_modes`: makes its tables on the natural modes of which its shapes are combinations;
-        `None`: they are natural modes.
+    - `on_modes`: makes its tables on more natural modes: those of which its shapes are
+        combinations, or the next ones besides; `None`: there are no more.
     - `follows`: key of a measure of its web that is to be varied, or `None`.
     - `family`: bodies over that measure, in the unit of its key; their statics is the body's.
     - `heated`: what heat does to it, or `None`: the scene gives no temperatures.
@@ -102,10 +102,13 @@ def with_bodies(
     # Residual shapes are of all modes.
     modes = (0 if scene.model.shapes == "excited" else scene.shape_count) if moving else None
     made = [_made(plan, tell, modes) for plan in plans]
-    if periods := _whole_cycles(scene.mesh, scene.gears, made):
-        scene = scene.replace({"mesh.periods": periods})
+    needed = _repeats(scene.gears, made)
+    if scene.mesh.periods % needed:
+        scene = scene.replace({"mesh.periods": _whole_cycle(scene.mesh, needed)})
     if moving:
         scene = scene.replace(_for_long_cycles(scene.mesh, scene.sweep))
+    if needed > 1:
+        scene = scene.replace(_where_teeth_differ(scene.model, scene.plain.pair.helix_angle_deg))
     grid = pair_grid(scene.mesh, pair, torque, scene.map.torques_Nm, condensed=True)
     put = lambda each, told: _in_mesh(each, scene.mesh, scene.model, scene.plain, pair, grid, told)
     bodies = {each[0].plan.gear: put(each, tell) for each in made}
@@ -231,21 +234,24 @@ def _made(plan: BodyPlan, tell: Callable[[str], None], modes: int | None) -> _Ma
         return built, body_basis(built.body, modes)
 
 
-def _whole_cycles(mesh: MeshKeys, gears: Mapping[str, GearKeys], made: Sequence[_Made]) -> int:
-    """As many mesh periods as all that vibrates needs until it is itself again; 0: as they are.
-
-    A cycle that the scene names must be a multiple of them: in a shorter one holes would pass
-    the mesh in another order than they do, and modes jump where it closes.
-    """
+def _repeats(gears: Mapping[str, GearKeys], made: Sequence[_Made]) -> int:
+    """Mesh periods after which all that vibrates is itself again under its teeth."""
     needed = 1
     for built, basis in made:
         if basis is not None:
             teeth, sectors = gears[built.plan.gear].teeth, built.body.facts["sectors"]
             assert isinstance(sectors, int)
             needed = math.lcm(needed, basis.repeats(teeth, sectors))
+    return needed
+
+
+def _whole_cycle(mesh: MeshKeys, needed: int) -> int:
+    """A cycle of so many mesh periods, for one of a scene that is no multiple of them.
+
+    One that the scene names must be: in a shorter one holes would pass the mesh in another order
+    than they do, and modes jump where it closes.
+    """
     periods = mesh.periods
-    if periods % needed == 0:
-        return 0
     if "periods" in mesh.given:
         raise InputError(
             f"mesh.periods = {periods}: in motion the condensed bodies of this scene repeat under "
@@ -253,6 +259,17 @@ def _whole_cycles(mesh: MeshKeys, gears: Mapping[str, GearKeys], made: Sequence[
             f"close. Write mesh.periods = {needed}, or leave it out."
         )
     return needed
+
+
+def _where_teeth_differ(model: ModelKeys, helix: float) -> dict[str, str]:
+    """Shapes of bodies on which no two teeth stand alike, by path, unless the scene says.
+
+    Where holes pass by, static answers of what shapes leave out are many. Residual shapes hold few
+    of them, and natural modes leave less to them than excited shapes do: of `power-holes` RMS of TE
+    is within 1.5 % of far richer models in place of 9 %. Spur teeth load few waves, of which
+    excited shapes have enough.
+    """
+    return {"model.shapes": "natural"} if helix and "shapes" not in model.given else {}
 
 
 # Cycles of more mesh periods are long. Of 68, with a wheel of 290 degrees of freedom, 20 harmonics
@@ -317,6 +334,10 @@ def with_shapes_of(scene: Scene, body: MeshBody) -> MeshBody:
     return _on_shapes(body, scene.model, pair, grid, lambda step: None)
 
 
+# So many times more natural modes judge those that are kept.
+_RICHER = 3
+
+
 def _on_shapes(
     body: MeshBody, model: ModelKeys, pair: GearPair, grid: MeshGrid, tell: Callable[[str], None]
 ) -> MeshBody:
@@ -337,5 +358,8 @@ def _on_shapes(
             shaped = shapes.of_body(in_mesh, basis)._asdict()
             on_modes = lambda: on(lowest_modes(natural, CANDIDATES * count))
             return dataclasses.replace(body, **shaped, on_modes=on_modes)
-    basis = lowest_modes(natural, count)
-    return dataclasses.replace(body, flexible=on(basis), basis=basis, on_modes=None, residual=None)
+    basis, more = lowest_modes(natural, count), lowest_modes(natural, _RICHER * count)
+    richer = None if len(more.square) == len(basis.square) else lambda: on(more)
+    return dataclasses.replace(
+        body, flexible=on(basis), basis=basis, on_modes=richer, residual=None
+    )

@@ -114,19 +114,20 @@ class ModelKeys(AbstractKeys):
 
     coordinates: int | None = key(
         "shapes by which each condensed body vibrates, the rest with their static part; 0: all, "
-        "200 unless said, of helical teeth or where a cycle has many mesh periods 250, of natural "
-        "modes 100",
+        "200 unless said, of helical teeth or where a cycle has many mesh periods 250; of natural "
+        "modes 100, of helical teeth where a cycle has many 350",
         "[0, inf)",
     )
     shapes: Literal["natural", "excited"] = key(
         "which these are; natural: the lowest natural modes, seats held; excited: a quarter are "
         "these, the others those combinations of higher ones that the mesh excites most, and 16 "
-        "more give what all others give at rest",
+        "more give what all others give at rest; unless said natural for helical teeth where holes "
+        "pass by, so that no two stand alike",
         default="excited",
     )
     mesh_coordinates: int | None = key(
         "combinations of these that the mesh tells apart; 8 unless said, of helical teeth 16; "
-        "where a cycle has many mesh periods 12 and 28",
+        "where a cycle has many mesh periods 16 and 28, of natural modes 16 and 40",
         "[4, 60]",
     )
 
@@ -135,16 +136,22 @@ class ModelKeys(AbstractKeys):
 
         Spur teeth load a body of equal sectors in its plane alone, and excite fewer of its modes.
         """
-        usual = {"excited": 250 if helix or periods > 1 else 200, "natural": 100}[self.shapes]
-        return usual if self.coordinates is None else self.coordinates
+        if self.coordinates is not None:
+            return self.coordinates
+        if self.shapes == "natural":
+            return 350 if helix and periods > 1 else 100
+        return 250 if helix or periods > 1 else 200
 
     def at_mesh(self, helix: float, periods: int) -> int:
         """Combinations of them that the mesh tells apart in a cycle of so many mesh periods.
 
         Leaning teeth are loaded all over, and where holes pass by, each tooth in another way.
         """
-        usual = (8, 16) if periods == 1 else (12, 28)
-        return usual[bool(helix)] if self.mesh_coordinates is None else self.mesh_coordinates
+        if self.mesh_coordinates is not None:
+            return self.mesh_coordinates
+        if periods == 1:
+            return 16 if helix else 8
+        return (40 if self.shapes == "natural" else 28) if helix else 16
 
     fidelity: Literal["as given", "auto"] = key(
         "choice of the model; auto: run, map, optimise and sweep first compare models, and take "
@@ -228,8 +235,8 @@ class SweepKeys(AbstractKeys):
     )
     check_shapes: bool = key(
         "whether responses at a few speeds are found again with all natural modes of which the "
-        "shapes of condensed bodies are combinations, to tell how far off they are; over cycles of "
-        "very many mesh periods only if given",
+        "shapes of condensed bodies are combinations, or three times as many, to tell how far off "
+        "they are; over cycles of very many mesh periods only if given",
         default=True,
     )
 

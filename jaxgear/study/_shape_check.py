@@ -1,8 +1,9 @@
 """How far off a sweep is for the shapes on which its condensed bodies vibrate.
 
 Excited shapes are combinations of several times as many natural modes. At a few speeds the response
-is found again with all of these, and more combinations of them in mesh: the difference is what the
-shapes leave out, in the loads that the response really has.
+is found again with all of these, or with three times as many natural modes where shapes are natural
+modes, and more combinations of them in mesh: the difference is what the shapes leave out, in the
+loads that the response really has.
 """
 
 import dataclasses
@@ -41,7 +42,7 @@ class ShapeCheck(NamedTuple):
     **Fields:**
 
     - `speeds`: of the pinion [rad/s].
-    - `modes`, `shapes`: natural modes of all bodies, and shapes made of them.
+    - `modes`, `shapes`: natural modes of all bodies with many, and shapes of those with few.
     - `force`, `te_rms`: relative errors of the largest mesh force and the RMS of transmission
         error at each; NaN where a response with all modes was not found [-].
     """
@@ -74,9 +75,9 @@ class ShapeCheck(NamedTuple):
                 worst = int(np.nanargmax(np.abs(errors)))
                 found.append(
                     Doubtful(
-                        f"With all {self.modes} natural modes of which the {self.shapes} shapes of "
-                        f"condensed bodies are made the {what} at {self.speeds[worst]:.5g} rad/s "
-                        f"is {100.0 * abs(errors[worst]):.2g} % "
+                        f"With {self.modes} natural modes of condensed bodies in place of the "
+                        f"{self.shapes} shapes the {what} at {self.speeds[worst]:.5g} rad/s is "
+                        f"{100.0 * abs(errors[worst]):.2g} % "
                         f"{'larger' if errors[worst] < 0.0 else 'smaller'}: raise "
                         "model.coordinates, or let teeth meet softer by tip relief."
                     )
@@ -87,22 +88,22 @@ class ShapeCheck(NamedTuple):
 # What a sweep tells where nothing is checked, of `power-holes` (docs/accuracy.md).
 UNCHECKED = Doubtful(
     "Over a cycle of so many mesh periods the shapes of condensed bodies are not checked unasked. "
-    "Of a wheel with holes the largest mesh force was within 0.6 % of one with many more, the RMS "
-    "of transmission error up to 8 % off, where it is small. sweep.check_shapes = true checks a "
-    "few speeds, in minutes each; model.coordinates = 500 and model.mesh_coordinates = 40 come "
-    "within 2 %, in twice the time."
+    "Of helical teeth over holes the default was within 0.2 % of many more shapes in the largest "
+    "mesh force, within 1.5 % in the RMS of transmission error. sweep.check_shapes = true checks a "
+    "few speeds, in minutes each; model.coordinates = 500 and model.mesh_coordinates = 56 come "
+    "within 0.7 %, in twice the time."
 )
 
 
 def is_unchecked(scene: Scene, size: Size) -> bool:
-    """Whether a sweep leaves excited shapes unchecked: over a long cycle, unless the scene says.
+    """Whether a sweep leaves shapes unchecked: over a long cycle, unless the scene says.
 
     A speed takes minutes there with all modes.
     """
     if "check_shapes" in scene.sweep.given:
         return False
-    excited = any(body.on_modes is not None for body in scene.bodies.values())
-    return excited and is_too_large(scene.sweep, size)
+    fewer = any(body.on_modes is not None for body in scene.bodies.values())
+    return fewer and is_too_large(scene.sweep, size)
 
 
 def shape_check(built: BuiltScene, dynamics: Dynamics, found: Sweep) -> ShapeCheck | None:

@@ -399,6 +399,25 @@ def _teeth_of(path, *changes):
 
 
 @pytest.mark.slow
+def test_a_wheel_with_holes_moves_on_natural_modes_and_more_of_them_judge(tmp_path, monkeypatch):
+    monkeypatch.setenv("JAXGEAR_CACHE", str(tmp_path / "cache"))
+    path = tmp_path / "tiny.toml"
+    path.write_text(_SCENE.replace("web_offset_mm = 2 }", _HOLES))
+    settings = ["model.coordinates=20", "pair.helix_angle_deg=12"]
+    scene = with_bodies(read_scene(path, settings), moving=True)
+    assert (scene.model.shapes, scene.at_mesh) == ("natural", 40)
+    (wheel,) = scene.bodies.values()
+    natural, count = wheel.natural, len(wheel.basis.square)
+    assert count in (19, 20)
+    np.testing.assert_array_equal(wheel.basis.square, natural.square[:count])
+    judge = wheel.on_modes().modes
+    assert len(judge.waves) in (59, 60)
+    np.testing.assert_allclose(judge.square[:count], wheel.flexible.modes.square, rtol=1e-12)
+    # Its 24 teeth stand on four sectors alike after 6 of them, waves that alternate after 12.
+    assert scene.mesh.periods == 12
+
+
+@pytest.mark.slow
 def test_a_run_shows_teeth_above_holes_and_between(tmp_path, monkeypatch):
     monkeypatch.setenv("JAXGEAR_CACHE", str(tmp_path / "cache"))
     path, out = tmp_path / "tiny.toml", tmp_path / "out"

@@ -128,3 +128,18 @@ def test_long_cycles_have_fewer_steps_and_harmonics_unless_the_scene_says():
     assert beyond() == beyond('sweep.method="harmonic"') == fewer
     assert beyond("sweep.steps=128") == beyond("sweep.harmonics=20") == {}
     assert beyond('sweep.method="newmark"') == beyond("mesh.periods=20") == {}
+
+
+def test_helical_teeth_over_holes_keep_natural_modes_unless_the_scene_says():
+    def kept(*settings: str) -> tuple[str, int, int]:
+        scene = example_scene("power-holes", settings)
+        changes = _mesh_bodies._where_teeth_differ(scene.model, scene.plain.pair.helix_angle_deg)
+        scene = scene.replace(changes)
+        return scene.model.shapes, scene.shape_count, scene.at_mesh
+
+    natural, excited = ("natural", 350, 40), ("excited", 250, 28)
+    assert kept() == kept('model.shapes="natural"') == natural
+    assert kept("model.coordinates=90", "model.mesh_coordinates=24") == ("natural", 90, 24)
+    assert kept('model.shapes="excited"') == excited
+    # Spur teeth load few waves.
+    assert kept("pair.helix_angle_deg=0.0") == ("excited", 250, 16)
