@@ -339,9 +339,10 @@ def test_leaning_teeth_tell_more_motions_of_a_body_apart(write):
     lean = read_scene(write(_LEAST + _CONDENSED), ["pair.helix_angle_deg=-8.0"])
     assert lean.at_mesh == 16
     assert lean.replace({"mesh.periods": 3}).at_mesh == 28
-    assert scene.replace({"mesh.periods": 3}).at_mesh == 12
+    assert scene.replace({"mesh.periods": 3}).at_mesh == 16
     assert lean.replace({"model.mesh_coordinates": 9}).at_mesh == 9
     assert (scene.at_mesh_of_reference, lean.at_mesh_of_reference) == (24, 40)
+    assert scene.replace({"mesh.periods": 3}).at_mesh_of_reference == 40
     assert lean.replace({"mesh.periods": 3}).at_mesh_of_reference == 56
     assert lean.replace({"model.mesh_coordinates": 50}).at_mesh_of_reference == 50
 
