@@ -52,8 +52,8 @@ def modes(scene: Scene) -> Result:
     - `ValueError` if the gears are impossible.
     - `SolverFailure` if a contact problem was not solved.
     """
-    # Natural frequencies are asked for: shapes that the mesh excites are made for responses, and so
-    # many modes of a wheel with holes too.
+    # Natural frequencies are asked for: shapes that the mesh excites, and the many modes of a wheel
+    # with holes, are made for responses.
     natural: dict[str, Any] = {"model.shapes": "natural"}
     if scene.condensed and scene.model.coordinates is None:
         natural["model.coordinates"] = 100
