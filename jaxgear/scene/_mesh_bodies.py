@@ -106,7 +106,9 @@ def with_bodies(
     if scene.mesh.periods % needed:
         scene = scene.replace({"mesh.periods": _whole_cycle(scene.mesh, needed)})
     if moving:
-        scene = scene.replace(_for_long_cycles(scene.mesh, scene.sweep))
+        fewer = scene.replace(_for_long_cycles(scene.mesh, scene.sweep))
+        # Steps for natural modes alone are no wish to sweep.
+        scene = fewer if scene.sweep.is_given else dataclasses.replace(fewer, given=scene.given)
     if needed > 1:
         scene = scene.replace(_where_teeth_differ(scene.model, scene.plain.pair.helix_angle_deg))
     grid = pair_grid(scene.mesh, pair, torque, scene.map.torques_Nm, condensed=True)

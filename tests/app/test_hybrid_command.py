@@ -418,6 +418,22 @@ def test_a_wheel_with_holes_moves_on_natural_modes_and_more_of_them_judge(tmp_pa
 
 
 @pytest.mark.slow
+def test_natural_modes_over_a_long_cycle_need_no_sweep(tmp_path, monkeypatch):
+    """Five holes under 24 teeth repeat after 24 mesh periods: fewer steps, but no speeds."""
+    monkeypatch.setenv("JAXGEAR_CACHE", str(tmp_path / "cache"))
+    path, out = tmp_path / "tiny.toml", tmp_path / "out"
+    text = _SCENE.replace("web_offset_mm = 2 }", _HOLES.replace("holes = 4", "holes = 5"))
+    path.write_text(text.replace("sectors = 24", "sectors = 25"))
+    scene = with_bodies(read_scene(path), moving=True)
+    assert (scene.mesh.periods, scene.sweep.steps, scene.sweep.is_given) == (24, 64, False)
+    assert main(["modes", str(path), "--out", str(out), "--no-pictures"]) == 0
+    summary = json.loads((out / "modes" / "summary.json").read_text())
+    frequency = np.array(summary["modes"]["frequency_Hz"])
+    assert frequency.size > 10
+    assert np.all(np.diff(frequency) >= 0.0)
+
+
+@pytest.mark.slow
 def test_a_run_shows_teeth_above_holes_and_between(tmp_path, monkeypatch):
     monkeypatch.setenv("JAXGEAR_CACHE", str(tmp_path / "cache"))
     path, out = tmp_path / "tiny.toml", tmp_path / "out"
