@@ -104,13 +104,13 @@ def with_bodies(
     made = [_made(plan, tell, modes) for plan in plans]
     needed = _repeats(scene.gears, made)
     if scene.mesh.periods % needed:
-        scene = scene.replace({"mesh.periods": _whole_cycle(scene.mesh, needed)})
+        _require_free_cycle(scene.mesh, needed)
+        scene = scene.replace({"mesh.periods": needed})
     if moving:
-        fewer = scene.replace(_for_long_cycles(scene.mesh, scene.sweep))
-        # Steps for natural modes alone are no wish to sweep.
-        scene = fewer if scene.sweep.is_given else dataclasses.replace(fewer, given=scene.given)
+        scene = _unsaid(scene, _for_long_cycles(scene.mesh, scene.sweep))
     if needed > 1:
-        scene = scene.replace(_where_teeth_differ(scene.model, scene.plain.pair.helix_angle_deg))
+        kept = _where_teeth_differ(scene.model, scene.plain.pair.helix_angle_deg)
+        scene = _unsaid(scene, kept)
     grid = pair_grid(scene.mesh, pair, torque, scene.map.torques_Nm, condensed=True)
     put = lambda each, told: _in_mesh(each, scene.mesh, scene.model, scene.plain, pair, grid, told)
     bodies = {each[0].plan.gear: put(each, tell) for each in made}
@@ -247,23 +247,28 @@ def _repeats(gears: Mapping[str, GearKeys], made: Sequence[_Made]) -> int:
     return needed
 
 
-def _whole_cycle(mesh: MeshKeys, needed: int) -> int:
-    """A cycle of so many mesh periods, for one of a scene that is no multiple of them.
+def _require_free_cycle(mesh: MeshKeys, needed: int) -> None:
+    """Refuse a cycle that the scene names and that is no multiple of these mesh periods.
 
-    One that the scene names must be: in a shorter one holes would pass the mesh in another order
-    than they do, and modes jump where it closes.
+    In a shorter one holes would pass the mesh in another order than they do, and modes jump where
+    it closes.
     """
-    periods = mesh.periods
-    if "periods" in mesh.given:
-        raise InputError(
-            f"mesh.periods = {periods}: in motion the condensed bodies of this scene repeat under "
-            f"their teeth after {needed} mesh periods, so that a response over {periods} would not "
-            f"close. Write mesh.periods = {needed}, or leave it out."
-        )
-    return needed
+    require(
+        "periods" not in mesh.given,
+        "mesh.periods = {got}: in motion the condensed bodies of this scene repeat under "
+        "their teeth after {needed} mesh periods, so that a response over {got} would not "
+        "close. Write mesh.periods = {needed}, or leave it out.",
+        got=mesh.periods,
+        needed=needed,
+    )
 
 
-def _where_teeth_differ(model: ModelKeys, helix: float) -> dict[str, str]:
+def _unsaid(scene: Scene, changes: Mapping[str, Any]) -> Scene:
+    """A scene with other values of keys that nobody gave: time steps are no wish to sweep."""
+    return dataclasses.replace(scene.replace(changes), given=scene.given)
+
+
+def _where_teeth_differ(model: ModelKeys, helix: float) -> dict[str, Any]:
     """Shapes of bodies on which no two teeth stand alike, by path, unless the scene says.
 
     Where holes pass by, static answers of what shapes leave out are many. Residual shapes hold few
@@ -271,7 +276,10 @@ def _where_teeth_differ(model: ModelKeys, helix: float) -> dict[str, str]:
     is within 1.5 % of far richer models in place of 9 %. Spur teeth load few waves, of which
     excited shapes have enough.
     """
-    return {"model.shapes": "natural"} if helix and "shapes" not in model.given else {}
+    if not helix or "shapes" in model.given:
+        return {}
+    count = {} if "coordinates" in model.given else {"model.coordinates": 350}
+    return {"model.shapes": "natural", **count}
 
 
 # Cycles of more mesh periods are long. Of 68, with a wheel of 290 degrees of freedom, 20 harmonics

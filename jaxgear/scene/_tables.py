@@ -115,7 +115,7 @@ class ModelKeys(AbstractKeys):
     coordinates: int | None = key(
         "shapes by which each condensed body vibrates, the rest with their static part; 0: all, "
         "200 unless said, of helical teeth or where a cycle has many mesh periods 250; of natural "
-        "modes 100, of helical teeth where a cycle has many 350",
+        "modes 100, of helical teeth where holes pass by 350 unless shapes are said",
         "[0, inf)",
     )
     shapes: Literal["natural", "excited"] = key(
@@ -139,7 +139,7 @@ class ModelKeys(AbstractKeys):
         if self.coordinates is not None:
             return self.coordinates
         if self.shapes == "natural":
-            return 350 if helix and periods > 1 else 100
+            return 100
         return 250 if helix or periods > 1 else 200
 
     def at_mesh(self, helix: float, periods: int) -> int:

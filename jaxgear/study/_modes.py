@@ -1,7 +1,6 @@
 """Natural modes of a scene: where their energy is, and at which speeds the mesh excites them."""
 
 from collections.abc import Mapping
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -52,12 +51,8 @@ def modes(scene: Scene) -> Result:
     - `ValueError` if the gears are impossible.
     - `SolverFailure` if a contact problem was not solved.
     """
-    # Natural frequencies are asked for: shapes that the mesh excites, and the many modes of a wheel
-    # with holes, are made for responses.
-    natural: dict[str, Any] = {"model.shapes": "natural"}
-    if scene.condensed and scene.model.coordinates is None:
-        natural["model.coordinates"] = 100
-    built = built_scene(scene.replace(natural), moving=True)
+    # Natural frequencies are asked for: shapes that the mesh excites are made for responses.
+    built = built_scene(scene.replace({"model.shapes": "natural"}), moving=True)
     scene = built.scene
     with narration("modes"):
         dynamics = solve_dynamics(built)

@@ -39,9 +39,8 @@ def sweep_notes(
     if scene.model.coordinates and not scene.condensed:
         found.append(Idle("model.coordinates does nothing: all modes of these bodies are kept."))
     bodies = {gear: each for gear, each in scene.bodies.items() if each.basis is not None}
-    found += _beyond_bodies(
-        scene.model.coordinates or 0, {gear: each.basis for gear, each in bodies.items()}
-    )
+    asked = scene.model.coordinates if "coordinates" in scene.model.given else None
+    found += _beyond_bodies(asked or 0, {gear: each.basis for gear, each in bodies.items()})
     if bodies and scene.sweep.is_given:
         # Approach and tilt stand beside the mesh coordinates.
         size = Size(2 + scene.at_mesh, scene.mesh.periods)

@@ -134,11 +134,13 @@ def test_helical_teeth_over_holes_keep_natural_modes_unless_the_scene_says():
     def kept(*settings: str) -> tuple[str, int, int]:
         scene = example_scene("power-holes", settings)
         changes = _mesh_bodies._where_teeth_differ(scene.model, scene.plain.pair.helix_angle_deg)
-        scene = scene.replace(changes)
+        scene = _mesh_bodies._unsaid(scene, changes)
         return scene.model.shapes, scene.shape_count, scene.at_mesh
 
     natural, excited = ("natural", 350, 40), ("excited", 250, 28)
-    assert kept() == kept('model.shapes="natural"') == natural
+    assert kept() == natural
+    # Who names natural modes has as many as on other bodies, however long the cycle turns out.
+    assert kept('model.shapes="natural"') == ("natural", 100, 40)
     assert kept("model.coordinates=90", "model.mesh_coordinates=24") == ("natural", 90, 24)
     assert kept('model.shapes="excited"') == excited
     # Spur teeth load few waves.
