@@ -9,8 +9,9 @@ from jaxgear._compiled import lasting, lasting_rare
 from jaxgear._dynamics._harmonic import Balance, HarmonicBalance
 from jaxgear._dynamics._harmonic_problem import Problem, imbalance, linearised, root_of
 from jaxgear._dynamics._orbit import Orbit, contact_force
+from jaxgear._dynamics._receptance import AbstractAnswers
 from jaxgear._dynamics._system import DynamicSystem
-from jaxgear._dynamics._types import Responses, StepPlaces, Terms
+from jaxgear._dynamics._types import StepPlaces, Terms
 from jaxgear._types import Flag, Reals, Scalar
 
 
@@ -41,11 +42,13 @@ def slopes_by_both(balance: Balance, unknowns: Reals) -> tuple[Reals, Reals]:
     return residual.reshape(-1), jnp.concatenate([columns, last.reshape(-1, 1)], axis=1)
 
 
-def _problem_by_speed(balance: Balance, exponent: Scalar) -> tuple[Problem, Problem, Responses]:
+def _problem_by_speed(
+    balance: Balance, exponent: Scalar
+) -> tuple[Problem, Problem, AbstractAnswers]:
     """The balance at a speed, its derivative by the speed's logarithm, and what bodies answer."""
     at = lambda exponent: balance.at_speed(jnp.exp(exponent))
-    (problem, responses), (by_speed, _) = jax.jvp(at, (exponent,), (jnp.ones(()),))
-    return problem, by_speed, responses
+    (problem, answers), (by_speed, _) = jax.jvp(at, (exponent,), (jnp.ones(()),))
+    return problem, by_speed, answers
 
 
 # A step along the branch that takes more of Newton's steps is too long.
@@ -116,13 +119,13 @@ def correction_at_speed(
     alone.
     """
     near, _ = parted_vector(balance, first)
-    problem, by_speed, responses = _problem_by_speed(balance, first[-1])
+    problem, by_speed, answers = _problem_by_speed(balance, first[-1])
     found = lambda problem: root_of((method.tolerance, MOST_NEWTON), problem, near)
     (terms, error, steps), (moved, *_) = jax.jvp(found, (problem,), (by_speed,))
     tangent = jnp.append((moved / sizes_of(balance)).reshape(-1), 1.0)
     tangent = tangent / jnp.sqrt(jnp.sum(tangent**2))
     unknowns = joined_vector(balance, terms, jnp.ones(())).at[-1].set(first[-1])
-    seen = _seen(balance, problem, responses, terms)
+    seen = _seen(balance, problem, answers, terms)
     return CorrectedPoint(unknowns, tangent, error, steps), seen
 
 
@@ -133,9 +136,11 @@ def seen_of(balance: Balance, unknowns: Reals) -> PointResponse:
     return _seen(balance, *balance.at_speed(speed), terms)
 
 
-def _seen(balance: Balance, problem: Problem, responses: Responses, terms: Terms) -> PointResponse:
+def _seen(
+    balance: Balance, problem: Problem, answers: AbstractAnswers, terms: Terms
+) -> PointResponse:
     system, none = balance.system, jnp.zeros(())
-    orbit = balance.orbit(problem, responses, terms, none, none, 0.0)
+    orbit = balance.orbit(problem, answers, terms, none, none, 0.0)
     return PointResponse(*_measures(system, orbit), orbit.place)
 
 

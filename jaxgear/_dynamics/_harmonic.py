@@ -32,13 +32,13 @@ from jaxgear._dynamics._harmonic_problem import (
     is_long,
     loads_of,
     motion_of_nodes,
-    responses_of,
     root_of,
 )
 from jaxgear._dynamics._orbit import AbstractMethod, Orbit, mesh_scales
+from jaxgear._dynamics._receptance import AbstractAnswers, answers_of
 from jaxgear._dynamics._system import DynamicSystem, ModalBasis, modal_basis
 from jaxgear._dynamics._table import END, MIDDLE, START, Mesh, MeshTable, mesh_at
-from jaxgear._dynamics._types import Responses, Start, StepPlaces, Terms
+from jaxgear._dynamics._types import Start, StepPlaces, Terms
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._types import Coordinates, Scalar
 
@@ -115,10 +115,10 @@ class HarmonicBalance(AbstractMethod):
 
         The response, settled or not, and its harmonics.
         """
-        problem, responses = balance.at_speed(speed)
+        problem, answers = balance.at_speed(speed)
         first = balance.rest if near is None else near
         terms, residual, steps = root_of((self.tolerance, self.most_steps), problem, first)
-        return balance.orbit(problem, responses, terms, residual, steps, self.tolerance), terms
+        return balance.orbit(problem, answers, terms, residual, steps, self.tolerance), terms
 
 
 class Balance(eqx.Module):
@@ -154,7 +154,7 @@ class Balance(eqx.Module):
         """Number of harmonics of the response's own frequency."""
         return (self.middle.shape[1] - 1) // 2
 
-    def at_speed(self, speed: Scalar) -> tuple["Problem", Responses]:
+    def at_speed(self, speed: Scalar) -> tuple["Problem", AbstractAnswers]:
         """The balance at one speed, and what the structure answers to mesh loads.
 
         **Arguments:**
@@ -163,8 +163,7 @@ class Balance(eqx.Module):
 
         **Returns:**
 
-        The equations, and the motion of all degrees of freedom per mesh load in each harmonic
-        [m/N, rad/N, rad/(N m)].
+        The equations, and what the structure answers to loads of the mesh.
         """
         system = self.system
         base = 2.0 * jnp.pi / (system.mesh_period(speed) * system.table.periods)
@@ -175,19 +174,19 @@ class Balance(eqx.Module):
             frequency = 2.0 / step * jnp.tan(0.5 * step * frequency)
         # The mean is real, and found together with what the constant load does.
         loads = jnp.column_stack([system.vectors, system.load_at(speed)])
-        at_rest = jnp.linalg.solve(system.stiffness_at(speed), loads)
-        mean, resting = at_rest[:, :-1], at_rest[:, -1]
-        waves = responses_of(system, self.modes, frequency[1:], speed)
-        responses = jnp.concatenate([mean[None].astype(complex), waves])
-        receptance = jnp.einsum("da,hdb->hab", system.vectors.astype(complex), responses)
+        constant = jnp.linalg.solve(system.stiffness_at(speed), loads)
+        mean, resting = constant[:, :-1], constant[:, -1]
+        answers = answers_of(system, self.modes, frequency[1:], speed, mean)
+        receptance = answers.receptance()
+        at_rest = (system.vectors.T @ mean)[None]
         problem = Problem(
             law=self.law,
             samples=tuple(mesh.at(speed) for mesh in self.samples),
             times=self.times,
             rates=rates_of(self.middle, base),
             analysis=self.analysis,
-            real=jnp.real(receptance),
-            imaginary=jnp.imag(receptance),
+            real=jnp.concatenate([at_rest, jnp.real(receptance)]),
+            imaginary=jnp.concatenate([jnp.zeros_like(at_rest), jnp.imag(receptance)]),
             resting=resting,
             still=system.vectors.T @ resting,
             mean=system.mean,
@@ -197,12 +196,12 @@ class Balance(eqx.Module):
             speed=speed,
             base=base,
         )
-        return problem, responses
+        return problem, answers
 
     def orbit(
         self,
         problem: "Problem",
-        responses: Responses,
+        answers: AbstractAnswers,
         terms: Terms,
         residual: Scalar,
         steps: Scalar,
@@ -212,7 +211,7 @@ class Balance(eqx.Module):
 
         **Arguments:**
 
-        - `problem`, `responses`: from `at_speed`.
+        - `problem`, `answers`: from `at_speed`.
         - `terms`: harmonics of the mesh coordinates [m, rad].
         - `residual`, `steps`, `tolerance`: how they were found.
 
@@ -225,15 +224,10 @@ class Balance(eqx.Module):
         nodes = motion_of_nodes(problem, terms.T[:, :, None], load)
         excess = excess_stiffness(problem, nodes, load)[:, :, 0]
         # Minus V (g - k n), harmonic by harmonic, through the structure.
+        motion = answers.motion(-excess)
+        motion = motion.at[0].add(problem.resting)
         count = self.count
-        cosines, sines = excess[: count + 1], excess[count + 1 :]
-        real, imaginary = jnp.real(responses), jnp.imag(responses)
-        product = lambda a, b: jnp.einsum("hdc,hc->hd", a, b)
-        cosine = -product(real, cosines) - jnp.concatenate(
-            [jnp.zeros_like(real[:1, :, 0]), product(imaginary[1:], sines)]
-        )
-        sine = product(imaginary[1:], cosines[1:]) - product(real[1:], sines)
-        motion = jnp.concatenate([cosine.at[0].add(problem.resting), sine])
+        sine = motion[count + 1 :]
         order = jnp.arange(1, count + 1, dtype=float)
         velocity = problem.base * jnp.sum(order[:, None] * sine, axis=0)
         return Orbit(

@@ -7,21 +7,18 @@ since the receptance $R$ falls with frequency.
 
 import functools
 import operator
-from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax.scipy.sparse.linalg import gmres
 
 from jaxgear._dynamics._cell_forces import mean_load, mesh_load
+from jaxgear._dynamics._gmres import gmres
 from jaxgear._dynamics._harmonic_basis import HarmonicAnalysis, HarmonicValues, as_matrix
 from jaxgear._dynamics._orbit import derivative_if
-from jaxgear._dynamics._system import DynamicSystem, ModalBasis
 from jaxgear._dynamics._table import Mesh
 from jaxgear._dynamics._types import (
     HarmonicMatrices,
-    Responses,
     StepMatrices,
     StepPlaces,
     Terms,
@@ -65,34 +62,6 @@ class Problem(eqx.Module):
     scales: Coordinates
     speed: Scalar
     base: Scalar
-
-
-def responses_of(
-    system: DynamicSystem, modes: ModalBasis, frequency: Reals, speed: Scalar
-) -> Responses:
-    """Motion of all degrees of freedom per unit mesh load at each frequency."""
-    mass, whole = system.mass.astype(complex), system.stiffness_at(speed).astype(complex)
-    damping = system.rates_at(speed).astype(complex)
-    shape = modes.shape.astype(complex)
-    columns = system.vectors.astype(complex)
-
-    def at(frequency: Scalar):
-        s = jax.lax.complex(jnp.zeros(()), frequency)
-
-        def apply(x):
-            return s * s * (mass @ x) + s * (damping @ x) + whole @ x
-
-        def by_modes(_, right):
-            divisor = jax.lax.complex(modes.square - frequency**2, frequency * modes.damping)
-            return shape @ ((shape.T @ right) / divisor[:, None])
-
-        if system.gyroscopic is None:
-            # The modes are how the system is solved; derivatives are those of its solution.
-            return jax.lax.custom_linear_solve(apply, columns, by_modes, symmetric=True)
-        return jnp.linalg.solve(s * s * mass + s * damping + whole, columns)
-
-    # Large systems one by one: see `between_all_cells`.
-    return jax.vmap(at)(frequency) if system.turning is None else jax.lax.map(at, frequency)
 
 
 def loads_of(
@@ -232,10 +201,15 @@ def is_long(unknowns: int) -> bool:
 
 
 # What iteration leaves of the right-hand side: in a step, whose contact costs more than it, nearly
-# nothing unless that is rounding; in a derivative nothing. Directions kept at once, and how often
-# it begins anew.
+# nothing unless that is rounding; in a derivative nothing.
 _LEAST_LEFT, _MOST_LEFT, _LEFT_OF_DERIVATIVES = 1e-9, 1e-3, 1e-12
-_KEPT, _ANEW = 200, 3
+
+# In a step of a long response as much as contact takes away again. In the last less than counts:
+# to begin anew for the rest costs as much as all that.
+_MOST_LEFT_OF_LONG, _LEFT_AT_LAST = 1e-2, 0.1
+
+# Blocks of directions, and how often it begins anew.
+_KEPT, _KEPT_OF_LONG = (8, 6), (25, 4)
 
 
 def _change(
@@ -253,19 +227,41 @@ def _answer(
     slopes: list[tuple[StepMatrices, HarmonicValues]],
     missing: Terms,
     left: Scalar | float,
-) -> Terms:
-    """The change of the harmonics whose imbalance is the one given, if contact stays as it is."""
+) -> tuple[Terms, Terms]:
+    """The change of the harmonics whose imbalance is the one given, if contact stays as it is.
+
+    And what iteration leaves of that imbalance.
+    """
     if missing.size <= MOST_DIRECT:
         matrix = _slope(problem, missing, slopes)
-        return jnp.linalg.solve(matrix, missing.reshape(-1)).reshape(missing.shape)
-    options: dict[str, Any] = {"tol": left, "restart": _KEPT, "maxiter": _ANEW}
-    options["solve_method"] = "incremental"
-    solve = lambda product, right: gmres(product, right, **options)[0]
+        found = jnp.linalg.solve(matrix, missing.reshape(-1)).reshape(missing.shape)
+        return found, jnp.zeros_like(missing)
     # As one vector: sums over two axes of many directions take twice as long.
     product = lambda change: _change(problem, slopes, change.reshape(missing.shape)).reshape(-1)
+    blocks, anew = _KEPT_OF_LONG if is_long(missing.size) else _KEPT
+    solve = lambda product, right: gmres(product, right, left, blocks=blocks, anew=anew)
     # Iteration in JAX cannot be transposed, as its tolerance depends on the right-hand side.
-    found = jax.lax.custom_linear_solve(product, missing.reshape(-1), solve, transpose_solve=solve)
-    return found.reshape(missing.shape) * problem.scales[:, None]
+    found, rest = jax.lax.custom_linear_solve(
+        product, missing.reshape(-1), solve, transpose_solve=solve, has_aux=True
+    )
+    return found.reshape(missing.shape) * problem.scales[:, None], rest.reshape(missing.shape)
+
+
+class _Forecast(eqx.Module):
+    """What a step of Newton's method should lead to.
+
+    **Fields:**
+
+    - `missing`: the imbalance if contact stays as it is [-].
+    - `before`: norm of that before the step, 0 if there is no forecast [-].
+    """
+
+    missing: Terms
+    before: Scalar
+
+    def failed_by(self, missing: Terms) -> Scalar:
+        """Norm of the imbalance that was not foreseen, over that before [-]."""
+        return jnp.linalg.norm(missing - self.missing) / self.before
 
 
 class _Search(eqx.Module):
@@ -277,12 +273,14 @@ class _Search(eqx.Module):
     - `error`: its imbalance [-].
     - `trial`: harmonics to examine next [m, rad].
     - `steps`: taken [-].
+    - `forecast`: of the imbalance of `trial`, of long responses.
     """
 
     best: Terms
     error: Scalar
     trial: Terms
     steps: Scalar
+    forecast: _Forecast | None
 
 
 # Contact opens and closes in Newton's first steps, and imbalance may rise on the way; later steps
@@ -300,36 +298,46 @@ def root_of(
     """Harmonics in balance, the imbalance one Newton step before them, and the number of steps."""
     tolerance, most_steps = settings
 
-    def step_of(missing: Terms, slopes: list[tuple[StepMatrices, HarmonicValues]]) -> Terms:
-        error = jnp.max(jnp.abs(missing))
-        left = jnp.clip(_ROUNDING / error, _LEAST_LEFT, _MOST_LEFT)
-        return _answer(problem, slopes, missing, left)
+    long = is_long(first.size)
+    # A step in the contact that is found leaves nothing but rounding, and no step to take.
+    enough = tolerance if long else _ROUNDING
+
+    def left_of(forecast: _Forecast | None, missing: Terms, error: Scalar) -> Scalar:
+        if forecast is None:
+            return jnp.clip(_ROUNDING / error, _LEAST_LEFT, _MOST_LEFT)
+        # Eisenstat and Walker 1996: no more exactly than the forecast before was.
+        last = _LEFT_AT_LAST * tolerance / error
+        return jnp.minimum(jnp.maximum(forecast.failed_by(missing), last), _MOST_LEFT_OF_LONG)
 
     def body(state: _Search) -> _Search:
         _, total, slopes = loads_of(problem, state.trial)
         missing = _imbalance(problem, state.trial, problem.analysis @ total)
         error = jnp.max(jnp.abs(missing))
-        # A step in the contact that is found leaves nothing but rounding, and no step to take.
-        stay = lambda missing, _: jnp.zeros_like(missing)
-        step = jax.lax.cond(error > _ROUNDING, step_of, stay, missing, slopes)
+        left = left_of(state.forecast, missing, error)
+        step_of = lambda missing, slopes: _answer(problem, slopes, missing, left)
+        stay = lambda missing, _: (jnp.zeros_like(missing), missing)
+        step, rest = jax.lax.cond(error > enough, step_of, stay, missing, slopes)
         finite = jnp.isfinite(error) & jnp.all(jnp.isfinite(step))
         better = finite & (error < state.error)
         best = jnp.where(better, state.trial, state.best)
         on = better | (finite & (state.steps < _FREE_STEPS))
+        forecast = _Forecast(rest, jnp.where(on, jnp.linalg.norm(missing), 0.0))
         return _Search(
             best=best,
             error=jnp.where(better, error, state.error),
             trial=jnp.where(on, state.trial - step, 0.5 * (best + state.trial)),
             steps=state.steps + 1.0,
+            forecast=forecast if long else None,
         )
 
     def unfinished(state: _Search) -> Flag:
         # A NaN is not finished either: it is met by the number of steps.
         return ~(state.error <= tolerance) & (state.steps < most_steps)
 
-    start = _Search(first, jnp.asarray(jnp.inf), first, jnp.zeros(()))
+    unknown = _Forecast(jnp.zeros_like(first), jnp.zeros(())) if long else None
+    start = _Search(first, jnp.asarray(jnp.inf), first, jnp.zeros(()), unknown)
     last = jax.lax.while_loop(unfinished, body, start)
-    # `trial` is one Newton step beyond the point that met the tolerance.
+    # `trial` is one Newton step beyond the point that met the tolerance, if that was worth it.
     terms = jnp.where(last.error <= tolerance, last.trial, last.best)
     return terms, last.error, last.steps
 
@@ -344,6 +352,6 @@ def _root_tangent(settings, primals, tangents):
     (first_slope, values), *others = loads_of(problem, terms)[2]
     slopes = [(jnp.where(found, first_slope, problem.mean), values)]
     slopes += [(jnp.where(found, each, 0.0), own) for each, own in others]
-    moved = -_answer(problem, slopes, change, _LEFT_OF_DERIVATIVES)
+    moved = -_answer(problem, slopes, change, _LEFT_OF_DERIVATIVES)[0]
     moved = derivative_if(found, moved)
     return (terms, error, steps), (moved, jnp.zeros_like(error), jnp.zeros_like(steps))

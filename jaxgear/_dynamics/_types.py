@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     Edges = Array
     StepCells = Array
     KeptCells = Array
+    Count = Array
     PlaceCells = Array
     PlaceArms = Array
     StepCoupling = Array
@@ -43,6 +44,8 @@ if TYPE_CHECKING:
     Speeds = Array
     Receptances = Array
     Responses = Array
+    Waves = Array
+    Poles = Array
     Terms = Array
     Basis = Array
     Analysis = Array
@@ -59,6 +62,7 @@ else:
     Edges = Float[Array, "edge"]
     StepCells = Float[Array, "step cell"]
     KeptCells = Int[Array, "step kept"]
+    Count = Int[Array, ""]
     PlaceCells = Float[Array, "place step cell"]
     PlaceArms = Float[Array, "place step cell coordinate"]
     StepCoupling = Float[Array, "step *between"]
@@ -77,6 +81,8 @@ else:
     Speeds = Float[Array, "speed"]
     Receptances = Complex[Array, "harmonic coordinate coordinate"]
     Responses = Complex[Array, "harmonic dof coordinate"]
+    Waves = Complex[Array, "..."]
+    Poles = Complex[Array, "pole"]
     Terms = Float[Array, "coordinate term"]
     Basis = Float[Array, "step term"]
     Analysis = Float[Array, "term step"]
