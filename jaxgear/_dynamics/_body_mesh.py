@@ -69,17 +69,17 @@ def body_mesh(
     at = at_places(pair, cells)
     gap = jnp.stack([mesh_gap(pair, c.lines, model.flanks, model.misalignment) for c in at])
     at_cells = [_arms(pair, bodies, c, mounted.bends) for c in at]
-    arms, growth, heated = (
-        jnp.stack(parts) for parts in zip(*(each[:3] for each in at_cells), strict=True)
-    )
+    growth, heated = (jnp.stack([getattr(x, name) for x in at_cells]) for name in _APPROACH)
     held = _held(mounted, bodies)
     alone = jnp.diagonal(held.give)
     size = jnp.sqrt(alone) * held.weights
-    few = _combinations(arms, _loads(cycle), size, held.sections, coordinates)
+    loads = _loads(cycle)
+    few = _combinations([x.under(loads) for x in at_cells], size, held.sections, coordinates)
     few = _of_unit_strain(few, alone, held.sections)
-    met, give = arms @ few.into, few.out_of.T @ held.give @ few.out_of
+    met, give = jnp.stack([x.by(few.into) for x in at_cells]), few.out_of.T @ held.give @ few.out_of
     # What cells give in all, less what of it is in the motion of the mesh coordinates.
-    whole, kept = arms[_MIDDLE_PLACE][:, :, : held.count], met[_MIDDLE_PLACE]
+    seats = jnp.stack([x.seats for x in at_cells])
+    whole, kept = seats[_MIDDLE_PLACE], met[_MIDDLE_PLACE]
     assert cells.coupling is not None
     beyond = _between(whole, held.give[: held.count, : held.count]) - _between(kept, give)
     bow = beam_bow(mounted)
@@ -87,11 +87,10 @@ def body_mesh(
         # It has no mass either: beams and shafts bend by their nodes, and so in mesh coordinates.
         own = bow[: held.sections, : held.sections]
         beyond = beyond + _between(whole[:, :, : held.sections], own)
-    grown = growth + arms[..., : held.count] @ held.spun[: held.count]
-    grown = grown - met @ (few.out_of.T @ held.spun)
+    grown = growth + seats @ held.spun[: held.count] - met @ (few.out_of.T @ held.spun)
     # Loads from outside and heat move the cells as they do at rest, by what coordinates leave out
     # too. What heat does with the seats held is all in `heated`.
-    moved_out = arms[..., : held.count] @ held.outside[: held.count]
+    moved_out = seats @ held.outside[: held.count]
     gap = gap - heated - (moved_out - met @ (few.out_of.T @ held.outside))
     pressed = jnp.sum(kept * cycle.force[:, :, None], axis=1)
     rest = (few.out_of.T @ held.outside)[None, :] - pressed @ give
@@ -113,6 +112,9 @@ def body_mesh(
 # The middle of a step, among its three places.
 _MIDDLE_PLACE = 1
 
+# What moves the cells beside motion, as of `_AtCells`.
+_APPROACH = "growth", "heated"
+
 
 def _between(arms: Array, flexibility: Array) -> Array:
     """Compliance between all cells by motions of a flexibility, at each phase."""
@@ -127,18 +129,31 @@ def _others(body: FlexibleBody) -> np.ndarray:
 class _AtCells(NamedTuple):
     """Condensed bodies at the cells.
 
+    What modes do takes gigabytes over a long cycle, and is not put together with the rest.
+
     **Fields:**
 
-    - `arms`: approach of cells by sections, other seats against the gear's, modes.
+    - `seats`: approach of cells by sections, then other seats against the gear's.
+    - `modes`: approach of cells by modes, which come after these.
     - `growth`: approach by rotation, per square of the pinion's speed.
     - `heated`: approach by heat, the seats held.
     - `feet`: compliance between cells, the seats held.
     """
 
-    arms: CellArmGrid
+    seats: CellArmGrid
+    modes: CellArmGrid
     growth: CellGrid
     heated: CellGrid
     feet: DenseCouplingGrid
+
+    def by(self, motions: Array) -> Array:
+        """Approach of cells by combinations of motions, `[motion, coordinate]`."""
+        count = self.seats.shape[2]
+        return self.seats @ motions[:count] + self.modes @ motions[count:]
+
+    def under(self, loads: Array) -> Array:
+        """What loads on the cells are on each motion, `[phase, load, motion]`."""
+        return jnp.concatenate([loads @ self.seats, loads @ self.modes], axis=2)
 
 
 def _arms(pair: GearPair, bodies: list[VibratingBody], cells: MeshCells, bends: bool) -> _AtCells:
@@ -153,8 +168,8 @@ def _arms(pair: GearPair, bodies: list[VibratingBody], cells: MeshCells, bends: 
         growth += each.speed**2 * table.growth
         heated += 0.0 if table.heated is None else table.heated
     sections = beam_arms(pair, cells.lines) if bends else cell_arms(cells.arm)
-    arms = jnp.concatenate([sections, *seats, *modes], axis=2)
-    return _AtCells(arms, growth, heated, functools.reduce(operator.add, feet))
+    held, moved = jnp.concatenate([sections, *seats], axis=2), jnp.concatenate(modes, axis=2)
+    return _AtCells(held, moved, growth, heated, functools.reduce(operator.add, feet))
 
 
 class _HeldStructure(NamedTuple):
@@ -264,16 +279,15 @@ def _loads(cycle: MeshCycle) -> Array:
     return jnp.concatenate([rest[:, None, :], moving], axis=1)
 
 
-def _combinations(
-    arms: Array, loads: Array, size: Array, sections: int, count: int
-) -> _Combinations:
-    """Those by which these loads move the cells most, motions measured by their sizes."""
+def _combinations(loads: list[Array], size: Array, sections: int, count: int) -> _Combinations:
+    """Those that some loads move most, as of `_AtCells.under`; motions measured by their sizes."""
     size = size[sections:]
-    seen = jnp.einsum("tpc,xtcn->xtpn", loads, arms[..., sections:])
-    seen = seen.reshape(-1, size.size) * size[None, :]
-    patterns = _leading(seen.T @ seen, count)
-    still, found = (jax.lax.stop_gradient(each) for each in (seen, patterns))
-    lost = jnp.sum((still - still @ found @ found.T) ** 2) / jnp.sum(still**2)
+    seen = (x[:, :, sections:].reshape(-1, size.size) * size[None, :] for x in loads)
+    energy = functools.reduce(operator.add, (x.T @ x for x in seen))
+    patterns = _leading(energy, count)
+    energy, found = (jax.lax.stop_gradient(each) for each in (energy, patterns))
+    whole = jnp.trace(energy)
+    lost = jnp.maximum(whole - jnp.sum(found * (energy @ found)), 0.0) / whole
     both = jax.scipy.linalg.block_diag
     return _Combinations(
         into=both(jnp.eye(sections), size[:, None] * patterns),

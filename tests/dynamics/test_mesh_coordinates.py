@@ -57,17 +57,23 @@ def _pair(kind: str, count: int = MANY, coordinates: int = 8) -> PairDynamics:
 # --- Which motions the mesh tells apart
 
 
+def _found(arms, loads, size, count):
+    """Of two sections and modes, from arms at three places and loads on the cells."""
+    seen = [jnp.asarray(loads @ each) for each in arms]
+    return _combinations(seen, jnp.asarray(size), 2, count)
+
+
 def test_loads_that_coordinates_hold_excite_every_mode_as_without_them():
     random = np.random.default_rng(3)
     arms = random.normal(size=(3, 5, 8, 40))
     # Two loads at each of five positions, and three places within the step: thirty patterns.
     loads, size = random.random((5, 2, 8)), np.sqrt(random.random(40) + 0.5)
-    few = _combinations(*map(jnp.asarray, (arms, loads, size)), sections=2, count=30)
+    few = _found(arms, loads, size, 30)
     over = np.einsum("tpc,xtcn->xtpn", loads, arms)
     through = over @ np.asarray(few.into) @ np.asarray(few.out_of).T
     assert np.abs(through - over).max() < 1e-10 * np.abs(over).max()
     assert float(few.left_out) < 1e-7
-    fewer = _combinations(*map(jnp.asarray, (arms, loads, size)), sections=2, count=10)
+    fewer = _found(arms, loads, size, 10)
     through = over @ np.asarray(fewer.into) @ np.asarray(fewer.out_of).T
     soft = size[2:]
     lost = np.linalg.norm((through - over)[..., 2:] * soft) / np.linalg.norm(over[..., 2:] * soft)
@@ -86,7 +92,7 @@ def test_measured_by_kinetic_energy_only_the_square_of_what_is_left_out_is_missi
     missing = {}
     for name, size in (("kinetic", 1.0 / square), ("strain", square**-0.5)):
         whole = np.concatenate([np.ones(2), size])
-        few = _combinations(*map(jnp.asarray, (arms, np.ones((1, 1, 1)), whole)), 2, 1)
+        few = _found(arms, np.ones((1, 1, 1)), whole, 1)
         seen = arms[1, 0, 0] @ np.asarray(few.into) @ np.asarray(few.out_of).T
         full, seen = arms[1, 0, 0, 2:], seen[2:]
         # What follows at once is the static answer less that of what is seen.
@@ -104,7 +110,7 @@ def test_coordinates_of_unit_strain_span_the_same_and_are_of_one_size():
     random = np.random.default_rng(11)
     arms, loads = random.normal(size=(3, 4, 6, 32)), random.random((4, 2, 6))
     give = np.logspace(0, -6, 32)
-    few = _combinations(*map(jnp.asarray, (arms, loads, give)), sections=2, count=5)
+    few = _found(arms, loads, give, 5)
     same = _of_unit_strain(few, jnp.asarray(give), 2)
     before, after = (np.asarray(each.into @ each.out_of.T) for each in (few, same))
     assert np.abs(after - before).max() < 1e-9 * np.abs(before).max()
