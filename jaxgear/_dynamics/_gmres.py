@@ -3,7 +3,7 @@ r"""Linear equations solved by products alone: GMRES (Saad and Schultz 1986).
 In JAX's own each new direction is made orthogonal to room for all directions, twice: of a response
 that needs a dozen of 200 that is nearly all the work. Here it is made so to the directions there
 are, once, a block of them after the other. Modified Gram-Schmidt loses orthogonality no sooner
-than the residual is met (Paige, Rozloznik and Strakos 2006), with blocks too (Jalby and Philippe
+than the residual is met (Paige, Rozložník and Strakoš 2006), with blocks too (Jalby and Philippe
 1991).
 """
 

@@ -115,7 +115,7 @@ class ModelKeys(AbstractKeys):
     coordinates: int | None = key(
         "shapes by which each condensed body vibrates, the rest with their static part; 0: all, "
         "200 unless said, of helical teeth or where a cycle has many mesh periods 250; of natural "
-        "modes 100, of helical teeth where holes pass by 350 unless shapes are said",
+        "modes 100, of helical teeth where holes pass by 600 unless shapes are said",
         "[0, inf)",
     )
     shapes: Literal["natural", "excited"] = key(
@@ -127,8 +127,8 @@ class ModelKeys(AbstractKeys):
     )
     mesh_coordinates: int | None = key(
         "combinations of these that the mesh tells apart; 8 unless said, of helical teeth 16; "
-        "where a cycle has many mesh periods 16 and 28, of natural modes 16 and 40",
-        "[4, 60]",
+        "where a cycle has many mesh periods 16 and 28, of natural modes 16 and 56",
+        "[4, 100]",
     )
 
     def shape_count(self, helix: float, periods: int) -> int:
@@ -151,7 +151,7 @@ class ModelKeys(AbstractKeys):
             return self.mesh_coordinates
         if periods == 1:
             return 16 if helix else 8
-        return (40 if self.shapes == "natural" else 28) if helix else 16
+        return (56 if self.shapes == "natural" else 28) if helix else 16
 
     fidelity: Literal["as given", "auto"] = key(
         "choice of the model; auto: run, map, optimise and sweep first compare models, and take "
@@ -235,7 +235,7 @@ class SweepKeys(AbstractKeys):
     )
     check_shapes: bool = key(
         "whether responses at a few speeds are found again with all natural modes of which the "
-        "shapes of condensed bodies are combinations, or three times as many, to tell how far off "
+        "shapes of condensed bodies are combinations, or twice as many, to tell how far off "
         "they are; over cycles of very many mesh periods only if given",
         default=True,
     )

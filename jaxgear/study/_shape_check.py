@@ -1,7 +1,7 @@
 """How far off a sweep is for the shapes on which its condensed bodies vibrate.
 
 Excited shapes are combinations of several times as many natural modes. At a few speeds the response
-is found again with all of these, or with three times as many natural modes where shapes are natural
+is found again with all of these, or with twice as many natural modes where shapes are natural
 modes, and more combinations of them in mesh: the difference is what the shapes leave out, in the
 loads that the response really has.
 """
@@ -89,9 +89,8 @@ class ShapeCheck(NamedTuple):
 UNCHECKED = Doubtful(
     "Over a cycle of so many mesh periods the shapes of condensed bodies are not checked unasked. "
     "Of helical teeth over holes the default was within 0.2 % of many more shapes in the largest "
-    "mesh force, within 1.5 % in the RMS of transmission error. sweep.check_shapes = true checks a "
-    "few speeds, in minutes each; model.coordinates = 500 and model.mesh_coordinates = 56 come "
-    "within 0.7 %, in twice the time."
+    "mesh force, within 0.8 % in the RMS of transmission error. sweep.check_shapes = true checks a "
+    "few speeds, in a minute each."
 )
 
 
