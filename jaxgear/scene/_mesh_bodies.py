@@ -282,7 +282,7 @@ def _where_teeth_differ(model: ModelKeys, helix: float) -> dict[str, Any]:
     return {"model.shapes": "natural", **count}
 
 
-# Cycles of more mesh periods are long. Of 68, 20 harmonics take two to three times as long as 10,
+# Cycles of more mesh periods are long. Of 68, 20 harmonics take twice as long as 10,
 # which find the largest force within 0.2 %.
 _LONG, _OVER_LONG = 20, {"sweep.steps": 64, "sweep.harmonics": 10}
 
