@@ -15,6 +15,7 @@ import numpy as np
 
 from jaxgear._checks import require
 from jaxgear._dynamics._floquet import leading_multipliers, monodromy, slow_modes
+from jaxgear._dynamics._found_responses import SAME, FoundResponses
 from jaxgear._dynamics._harmonic import (
     Balance,
     HarmonicBalance,
@@ -32,10 +33,6 @@ from jaxgear._dynamics._system import DynamicSystem, modal_basis
 from jaxgear._dynamics._types import Start, StepPlaces, Terms
 from jaxgear._dynamics._windows import monodromy_of
 from jaxgear._types import Scalar
-
-# Halves of a response over two cycles that differ by less than this, relative to its swing, are
-# one response over one.
-_SAME = 1e-6
 
 # Where no periodic response is found after a march, the march goes on for so many times as long. An
 # unstable response is left from a state that differs by so much, relative to the static one.
@@ -115,7 +112,8 @@ def sweep(
 class Finder:
     """Looks for the response at one speed after the other, for those who keep less than `sweep`.
 
-    It holds the programs of one system, each compiled when it is first needed.
+    It holds the programs of one system, each compiled when it is first needed, and what it has
+    found.
     """
 
     def __init__(self, system: DynamicSystem, settings: SweepSettings):
@@ -128,6 +126,7 @@ class Finder:
         # Whatever is looked for obeys the law of the sweep.
         self.shooting = dataclasses.replace(settings.shooting, law=method.law)
         self.balances: dict[int, Balance] = {}
+        self.found = FoundResponses()
         # Whether the way to the last speed was too far for one step.
         self.far = False
 
@@ -152,7 +151,8 @@ class Finder:
             found = self._shot(method, speed, start, (2, 1) if twice else (1, 2))
             return found or self._searched(method, speed, start)
         if last is None:
-            found = self._judged(self._balanced(speed, 1, None))
+            self.far = False
+            found = self._judged(self._balanced(speed, 1, self._balance(1).rest))
             return found if found.stable else self._left(found, speed, start)
         # One step that would be too long again is not tried.
         step = self._halved if self.far and last.settled else self._followed
@@ -169,7 +169,7 @@ class Finder:
         - `speed`: of the pinion [rad/s].
         - `terms`: harmonics of the mesh coordinates, as of `fourier_coefficients` [m, rad].
         """
-        found = self._alone(self.harmonic.solve(self._balance(1), speed, terms)[0])
+        found = self._balanced(speed, 1, terms)
         if not self.is_beside(found, terms):
             return None
         found = self._judged(found)
@@ -184,7 +184,7 @@ class Finder:
         if not last.settled:
             # What does not repeat is not left for a response that does, unless it ends there.
             return self._searched(self.shooting, speed, last.orbit.start)
-        found = self._balanced(speed, last.multiple, last.orbit.place)
+        found = self._beside_last(speed, last)
         near = self._near(found, last.orbit.place)
         if halvings > 0 and not near:
             return self._halved(speed, last, halvings)
@@ -198,9 +198,21 @@ class Finder:
 
         About their means: bodies that grow with speed move these, within one branch.
         """
-        new, old = (approach - approach.mean() for approach in _last(found, last))
+        return found.settled and self._in_a_step(*_last(found, last))
+
+    def _in_a_step(self, new: np.ndarray, old: np.ndarray) -> bool:
+        """Whether approaches are within one step of each other, about their means."""
+        new, old = new - new.mean(), old - old.mean()
         step = max(_STEP * np.ptp(old), _SLIGHT * self.deflection)
-        return found.settled and bool(np.abs(new - old).max() <= step)
+        return bool(np.abs(new - old).max() <= step)
+
+    def _beside_last(self, speed: Scalar, last: SweepPoint) -> SweepPoint:
+        """What harmonic balance finds from the last response, if not found before beside it."""
+        before, multiple = np.asarray(last.orbit.place)[:, 0], last.multiple
+        for each in self.found.at(speed, multiple):
+            if self._in_a_step(each.approach, before):
+                return each.point or self._balanced(speed, multiple, each.terms)
+        return self._balanced(speed, multiple, self._harmonics(multiple, last.orbit.place))
 
     def _halved(self, speed: Scalar, last: SweepPoint, halvings: int) -> SweepPoint:
         """The same in two steps."""
@@ -216,16 +228,22 @@ class Finder:
         if not found.settled:
             return found
         # Of two methods that agree, the one that all other speeds have.
-        polished = self._judged(self._balanced(speed, found.multiple, found.orbit.place))
+        terms = self._harmonics(found.multiple, found.orbit.place)
+        polished = self._judged(self._balanced(speed, found.multiple, terms))
         return polished if _apart(polished, found.orbit) < _APART else found
 
-    def _balanced(self, speed: Scalar, multiple: int, near: StepPlaces | None) -> SweepPoint:
-        """What harmonic balance finds, from mesh coordinates of a response close by or from the
-        quasi-static states.
-        """
+    def _balanced(self, speed: Scalar, multiple: int, first: Terms) -> SweepPoint:
+        """What harmonic balance finds from harmonics of the mesh coordinates."""
         method, balance = _over_cycles(self.harmonic, multiple), self._balance(multiple)
-        first = balance.rest if near is None else fourier_coefficients(balance, near)
-        return self._alone(method.solve(balance, speed, first)[0])
+        orbit, terms = method.solve(balance, speed, first)
+        found = self._alone(orbit)
+        if found.settled and found.multiple == multiple:
+            self.found.keep(found, terms)
+        return found
+
+    def _harmonics(self, multiple: int, near: StepPlaces) -> Terms:
+        """Harmonics of the mesh coordinates of a response close by."""
+        return fourier_coefficients(self._balance(multiple), near)
 
     def _balance(self, multiple: int) -> Balance:
         """What the balances of responses over so many cycles share, prepared once."""
@@ -260,7 +278,7 @@ class Finder:
         """
         if isinstance(self.settings.method, HarmonicBalance):
             last = history.place[-len(self.system.table.kinds) :]
-            found = self._judged(self._balanced(speed, 1, last))
+            found = self._judged(self._balanced(speed, 1, self._harmonics(1, last)))
             if _apart(found, history) <= _APART:
                 return found
         return self._shot(method, speed, _state(history))
@@ -287,10 +305,14 @@ class Finder:
         """The response with its multipliers, if it has settled."""
         if not point.settled:
             return point
-        law, slow = self.settings.method.law, self.slow
-        orbit = point.orbit
-        matrix, _ = monodromy_of(self.system, law, slow, orbit.speed, orbit.place)
-        return dataclasses.replace(point, multipliers=leading_multipliers(matrix, slow.basis))
+        known, law, slow = self.found.same(point), self.settings.method.law, self.slow
+        if known is None or known.multipliers is None:
+            matrix, _ = monodromy_of(self.system, law, slow, point.orbit.speed, point.orbit.place)
+            point = dataclasses.replace(point, multipliers=leading_multipliers(matrix, slow.basis))
+            if known is not None:
+                known.multipliers = point.multipliers
+            return point
+        return dataclasses.replace(point, multipliers=known.multipliers)
 
     def _disturbed(self, point: SweepPoint) -> Start:
         """A start beside an unstable response, where it is left fastest."""
@@ -312,7 +334,7 @@ class Finder:
         approach = np.asarray(orbit.place)[:, 0]
         first, second = approach[:steps], approach[-steps:]
         apart = np.abs(first - second).max()
-        if multiple == 2 and bool(orbit.settled) and apart <= _SAME * np.ptp(first):
+        if multiple == 2 and bool(orbit.settled) and apart <= SAME * np.ptp(first):
             halved = {name: getattr(orbit, name)[:steps] for name in ("place", "load", "motion")}
             return SweepPoint(dataclasses.replace(orbit, **halved), 1, none)
         return SweepPoint(orbit, multiple, none)

@@ -83,19 +83,23 @@ def alike(first: Any, second: Any) -> Any:
 Watch = Callable[[Ways, SweepPoint, float], None]
 
 
+def finder_of(law: AbstractContactLaw, asked: SweepKeys, moving: Dynamics) -> Finder:
+    """What looks for the responses of a sweep, in all its directions."""
+    return Finder(moving.pair.system, settings_of(law, asked, size_of(moving.pair)))
+
+
 def swept(
     law: AbstractContactLaw,
     asked: SweepKeys,
     moving: Dynamics,
+    finder: Finder,
     speeds: np.ndarray,
     direction: Direction,
     done: Callable[[int], None],
     watch: Watch | None = None,
 ) -> tuple[Response, ...]:
     """Sweep in one direction over rising speeds [rad/s]; keep what is shown of each response."""
-    dynamics = moving.pair
     # Responses of many mesh periods are too long to keep them all until the end.
-    finder = Finder(dynamics.system, settings_of(law, asked, size_of(dynamics)))
     found: list[Response] = []
     last = None
     for speed in speeds[::-1] if direction == "down" else speeds:
@@ -127,7 +131,7 @@ def swept_along(
 
     The responses, or `None` where one of them is not on the branch.
     """
-    finder = Finder(moving.pair.system, settings_of(law, asked, size_of(moving.pair)))
+    finder = finder_of(law, asked, moving)
     terms = _interpolated(curve, speeds)
     # As a machine would come to them from rest.
     ways, last = directions_of(asked), len(speeds) - 1
@@ -296,7 +300,8 @@ def sweep_of(
         return found
 
     def by_directions() -> dict[Direction, tuple[Response, ...]]:
-        one = functools.partial(swept, law, asked, moving, speeds)
+        finder = finder_of(law, asked, moving)
+        one = functools.partial(swept, law, asked, moving, finder, speeds)
         ways = directions_of(asked)
         return {way: clocked(way, functools.partial(one, way, done, watch)) for way in ways}
 

@@ -32,7 +32,7 @@ from jaxgear.study import _dynamics, _sweep
 from jaxgear.study._built import BuiltScene
 from jaxgear.study._sweep_dataset import sweep_dataset
 from jaxgear.study._sweep_notes import sweep_notes
-from jaxgear.study._sweeping import Sweep, branches, is_plain, swept, swept_along
+from jaxgear.study._sweeping import Sweep, branches, finder_of, is_plain, swept, swept_along
 
 _SPUR = """schema = 1
 name = "spur"
@@ -143,7 +143,9 @@ def test_marching_agrees_with_harmonic_balance(both, folder):
     _, summary, dynamics = both
     scene = read_scene(folder / "spur.toml", ("sweep.method=newmark", "sweep.cycles=60"))
     speeds = np.asarray([1500.0, 2000.0])
-    found = swept(law_of(scene.mesh), scene.sweep, dynamics, speeds, "up", lambda _: None)
+    law, none = law_of(scene.mesh), lambda _: None
+    finder = finder_of(law, scene.sweep, dynamics)
+    found = swept(law, scene.sweep, dynamics, finder, speeds, "up", none)
     assert all(response.settled and response.stable for response in found)
     assert [response.periods for response in found] == [1, 1]
     ratio = [float(response.numbers.dynamic_ratio) for response in found]
@@ -165,7 +167,8 @@ def test_along_a_stable_branch_both_directions_are_found_at_once(both, folder):
     assert sum(told) == 6
     assert found is not None
     for way in ("up", "down"):
-        expected = swept(law, scene.sweep, dynamics, speeds, way, none)
+        finder = finder_of(law, scene.sweep, dynamics)
+        expected = swept(law, scene.sweep, dynamics, finder, speeds, way, none)
         for one, other in zip(found, expected, strict=True):
             assert one.dynamic_ratio == pytest.approx(other.dynamic_ratio, rel=1e-9)
             assert one.multiplier == pytest.approx(other.multiplier, rel=1e-6)
@@ -199,9 +202,9 @@ def test_a_slow_pair_has_its_quasi_static_transmission_error(folder):
     scene = scene.replace({"sweep.steps": 24, "sweep.harmonics": 5, "sweep.orders": 1})
     dynamics = _dynamics.solve_dynamics(BuiltScene(scene))
     # Very slowly, many steps of a resonance lie within one of the mesh: its mean is left.
-    (response,) = swept(
-        law_of(scene.mesh), scene.sweep, dynamics, np.asarray([1.0]), "up", lambda _: None
-    )
+    law, none = law_of(scene.mesh), lambda _: None
+    finder = finder_of(law, scene.sweep, dynamics)
+    (response,) = swept(law, scene.sweep, dynamics, finder, np.asarray([1.0]), "up", none)
     mean = float(dynamics.statics.numbers["te_mean_um"]) * jg.um
     assert response.settled
     assert response.numbers.te_mean == pytest.approx(mean, rel=5e-3)

@@ -9,7 +9,7 @@ import pytest
 from dynamics import cases
 from helpers import quick
 
-from jaxgear._dynamics import _harmonic_problem
+from jaxgear._dynamics import _harmonic_problem, _sweep
 from jaxgear._dynamics._harmonic import (
     HarmonicBalance,
     fourier_coefficients,
@@ -20,6 +20,7 @@ from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steppers import Exponential
 from jaxgear._dynamics._sweep import Finder, sweep
 from jaxgear._dynamics._sweep_types import Direction, SweepSettings
+from jaxgear._dynamics._windows import monodromy_of
 from jaxgear._response._dynamic import dynamic_ratio
 
 SPEEDS = [0.5, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 1.5, 1.8, 1.9, 2.0, 2.1, 2.3]
@@ -123,6 +124,35 @@ def test_the_way_to_a_speed_is_halved_less_often_over_a_long_cycle(monkeypatch):
     monkeypatch.setattr(_harmonic_problem, "MOST_AT_ONCE", 0)
     finder.next(jnp.asarray(2.2), last)
     assert often == [5, 2]
+
+
+def test_the_way_down_has_what_the_way_up_has_found(monkeypatch):
+    """Newton's method takes no step, and multipliers are not found anew; nor at halves of a way."""
+    speeds, judged = (1.1, 1.15, 1.3), []
+    found = monodromy_of
+    monkeypatch.setattr(_sweep, "monodromy_of", lambda *own: judged.append(own) or found(*own))
+
+    def way(finder, speeds):
+        points, last = [], None
+        for speed in speeds:
+            last = finder.next(jnp.asarray(speed), last)
+            points.append(last)
+        return points
+
+    finder = Finder(cases.sdof_parametric(steps=200), METHODS["harmonic"])
+    up = way(finder, speeds)
+    first = len(judged)
+    assert len(up) <= first <= sum(len(each) for each in finder.found.all.values())
+    down = way(finder, speeds[::-1])
+    assert len(judged) == first
+    alone = way(Finder(finder.system, METHODS["harmonic"]), speeds[::-1])
+    for one, other, third in zip(up, down[::-1], alone[::-1], strict=True):
+        assert int(other.orbit.steps) == 1 or other.orbit is one.orbit
+        np.testing.assert_allclose(other.orbit.place, third.orbit.place, rtol=0.0, atol=1e-7)
+        np.testing.assert_array_equal(other.multipliers, one.multipliers)
+    # All are known by their harmonics, few whole.
+    whole = [each for found in finder.found.all.values() for each in found if each.point]
+    assert len(whole) <= 4
 
 
 def test_a_response_is_found_beside_one_that_is_guessed():
