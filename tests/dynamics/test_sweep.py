@@ -158,6 +158,24 @@ def test_the_way_down_has_what_the_way_up_has_found(monkeypatch):
     assert len(whole) <= 4
 
 
+def test_the_way_down_is_another_where_it_jumps():
+    """Though all that the way up has found is at hand, its multipliers too."""
+    system, speeds = cases.sdof_parametric(steps=200), (0.7, 0.75, 0.85)
+    finder, found = Finder(system, METHODS["harmonic"]), {}
+    for direction in ("up", "down"):
+        last = None
+        for speed in speeds if direction == "up" else speeds[::-1]:
+            last = finder.next(jnp.asarray(speed), last)
+            found[direction, speed] = last
+    for direction, table in (("up", UP), ("down", DOWN)):
+        for speed in speeds[:2] if direction == "up" else speeds[1:]:
+            point, expected = found[direction, speed], table[speed][0]
+            assert np.std(np.asarray(point.orbit.place)) == pytest.approx(expected, rel=1e-3)
+    low, high = (np.abs(found[way, 0.75].multipliers).max() for way in ("up", "down"))
+    assert max(low, high) < 1.0
+    assert found["up", 0.75].multipliers != pytest.approx(found["down", 0.75].multipliers, rel=0.1)
+
+
 def test_a_response_is_found_beside_one_that_is_guessed():
     """Close to its own harmonics the same is found; far away none, nor where it is unstable."""
     finder = Finder(cases.sdof_parametric(steps=200), METHODS["harmonic"])
