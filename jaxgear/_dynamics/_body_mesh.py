@@ -69,7 +69,8 @@ def body_mesh(
     at = at_places(pair, cells)
     gap = jnp.stack([mesh_gap(pair, c.lines, model.flanks, model.misalignment) for c in at])
     at_cells = [_arms(pair, bodies, c, mounted.bends) for c in at]
-    growth, heated = (jnp.stack([getattr(x, name) for x in at_cells]) for name in _APPROACH)
+    growth = jnp.stack([x.growth for x in at_cells])
+    heated = jnp.stack([x.heated for x in at_cells])
     held = _held(mounted, bodies)
     alone = jnp.diagonal(held.give)
     size = jnp.sqrt(alone) * held.weights
@@ -111,9 +112,6 @@ def body_mesh(
 
 # The middle of a step, among its three places.
 _MIDDLE_PLACE = 1
-
-# What moves the cells beside motion, as of `_AtCells`.
-_APPROACH = "growth", "heated"
 
 
 def _between(arms: Array, flexibility: Array) -> Array:

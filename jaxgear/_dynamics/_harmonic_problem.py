@@ -321,13 +321,13 @@ def root_of(
         better = finite & (error < state.error)
         best = jnp.where(better, state.trial, state.best)
         on = better | (finite & (state.steps < _FREE_STEPS))
-        forecast = _Forecast(rest, jnp.where(on, jnp.linalg.norm(missing), 0.0))
+        before = jnp.where(on, jnp.linalg.norm(missing), 0.0) if long else None
         return _Search(
             best=best,
             error=jnp.where(better, error, state.error),
             trial=jnp.where(on, state.trial - step, 0.5 * (best + state.trial)),
             steps=state.steps + 1.0,
-            forecast=forecast if long else None,
+            forecast=None if before is None else _Forecast(rest, before),
         )
 
     def unfinished(state: _Search) -> Flag:

@@ -305,14 +305,15 @@ class Finder:
         """The response with its multipliers, if it has settled."""
         if not point.settled:
             return point
-        known, law, slow = self.found.same(point), self.settings.method.law, self.slow
-        if known is None or known.multipliers is None:
-            matrix, _ = monodromy_of(self.system, law, slow, point.orbit.speed, point.orbit.place)
-            point = dataclasses.replace(point, multipliers=leading_multipliers(matrix, slow.basis))
-            if known is not None:
-                known.multipliers = point.multipliers
-            return point
-        return dataclasses.replace(point, multipliers=known.multipliers)
+        known = self.found.same(point)
+        if known is not None and known.multipliers is not None:
+            return dataclasses.replace(point, multipliers=known.multipliers)
+        law, slow = self.settings.method.law, self.slow
+        matrix, _ = monodromy_of(self.system, law, slow, point.orbit.speed, point.orbit.place)
+        multipliers = leading_multipliers(matrix, slow.basis)
+        if known is not None:
+            known.multipliers = multipliers
+        return dataclasses.replace(point, multipliers=multipliers)
 
     def _disturbed(self, point: SweepPoint) -> Start:
         """A start beside an unstable response, where it is left fastest."""
