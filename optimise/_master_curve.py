@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+import jaxgear as jg
 from optimise._record import Batched, ValueAndGradient, with_jacobian
 
 
@@ -119,7 +120,8 @@ def relief_map(
     if isinstance(response, Batched):
         batch = response
     else:
-        batch = Batched(jax.jit(jax.vmap(lambda point: response(point[0], point[1]))))
+        each = lambda point: response(point[0], point[1])
+        batch = Batched(jax.jit(lambda points: jg.over_batch(each, points)))
 
     def evaluate(depths: np.ndarray, extents: np.ndarray) -> np.ndarray:
         padding = (0, -len(depths) % count)

@@ -24,7 +24,6 @@ from jaxgear.study._design import DesignSpace, design_space, round_up
 from jaxgear.study._evaluations import (
     Task,
     objectives_at,
-    side_by_side,
     sloped_by,
     sloped_objective,
     sloped_residuals,
@@ -147,7 +146,7 @@ def _task(space: DesignSpace, statics: Statics) -> Task:
 def _te_rms(task: Task) -> optimise.Batched:
     """RMS of the transmission error at many depths and extents, exactly [um]."""
     law = ExactContact()
-    return optimise.Batched(lambda points: np.sqrt(timed(side_by_side, task, points, law)))
+    return optimise.Batched(lambda points: np.sqrt(timed(objectives_at, task, points, law)))
 
 
 def _descended(
