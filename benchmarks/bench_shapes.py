@@ -163,56 +163,57 @@ class Line(NamedTuple):
     model: str
     errors: dict[str, Any]
     seconds: float
-    against: int
+    against: tuple[int, ...]
 
     @property
     def words(self) -> str:
-        """The line in words: errors at the median and the largest."""
+        """The line in words: errors at the median speed, at 95 % of the speeds and the worst."""
         told = ", ".join(
-            f"{words} {statistics.median(self.errors[key]):.2f} / {max(self.errors[key]):.2f}"
+            f"{words} {' / '.join(f'{x:.2f}' for x in _spread(self.errors[key]))}"
             for key, words in NUMBERS.items()
             if key in self.errors
         )
         count = len(self.errors["force"])
         return (
             f"{self.case}, {self.model}: {told} %; {self.seconds:.2f} s a speed; {count} speeds "
-            f"against {self.against} degrees of freedom"
+            f"against {' and '.join(map(str, self.against))} degrees of freedom"
         )
+
+
+def _spread(errors: list[float]) -> tuple[float, float, float]:
+    """The median, what 95 % keep, and the largest."""
+    kept = sorted(errors)[-(-95 * len(errors) // 100) - 1]
+    return statistics.median(errors), kept, max(errors)
 
 
 def compared(rows: dict[str, Any]) -> list[Line]:
     """All models against that of most coordinates at the same speed, scene and relief."""
-    import numpy as np
-
-    apart = [key.split() for key in rows]
+    settled = {tuple(key.split()): row for key, row in rows.items() if row["settled"]}
     found = []
-    for name, relief in dict.fromkeys((each[0], each[2]) for each in apart):
-        own = {(e[1], e[3]): rows[" ".join(e)] for e in apart if (e[0], e[2]) == (name, relief)}
-        best, _ = max(own, key=lambda each: own[each]["dofs"])
+    for name, relief in dict.fromkeys((key[0], key[2]) for key in settled):
+        own = {(k[1], k[3]): row for k, row in settled.items() if (k[0], k[2]) == (name, relief)}
+        best: dict[str, Any] = {}
+        for (_, speed), row in own.items():
+            best[speed] = max(best.get(speed, row), row, key=lambda each: each["dofs"])
         for model in dict.fromkeys(model for model, _ in own):
+            rows_of = {speed: row for (each, speed), row in own.items() if each == model}
             # A reference that is hardly richer says little.
-            speeds = [
-                s
-                for m, s in own
-                if m == model
-                and (best, s) in own
-                and own[best, s]["dofs"] > 1.5 * own[model, s]["dofs"]
-                and own[model, s]["settled"]
-                and own[best, s]["settled"]
+            judged = [
+                (row, best[speed])
+                for speed, row in rows_of.items()
+                if best[speed]["dofs"] > 1.5 * row["dofs"]
             ]
-            if not speeds:
+            if not judged:
                 continue
-            off = lambda key, s, m=model, o=own, b=best: abs(o[m, s][key] / o[b, s][key] - 1.0)
-            told = [
-                x for x in NUMBERS if all(x in own[m, s] for m in (model, best) for s in speeds)
-            ]
+            told = [key for key in NUMBERS if all(key in row for pair in judged for row in pair)]
+            off = lambda key, row, by: 100.0 * abs(row[key] / by[key] - 1.0)
             found.append(
                 Line(
                     case=f"{name}, {relief} um",
                     model=model,
-                    errors={key: [100.0 * off(key, s) for s in speeds] for key in told},
-                    seconds=float(np.median([own[model, s]["processor_s"] for s in speeds])),
-                    against=own[best, speeds[0]]["dofs"],
+                    errors={key: [off(key, *pair) for pair in judged] for key in told},
+                    seconds=statistics.median(row["processor_s"] for row, _ in judged),
+                    against=tuple(sorted({by["dofs"] for _, by in judged})),
                 )
             )
     return found

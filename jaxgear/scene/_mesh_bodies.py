@@ -35,7 +35,7 @@ from jaxgear.scene._root_correction import root_correction
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
 from jaxgear.scene._study_tables import OptimiseKeys
-from jaxgear.scene._tables import MeshKeys, ModelKeys, PlainTables, SweepKeys
+from jaxgear.scene._tables import MeshKeys, ModelKeys, SweepKeys
 
 
 @dataclasses.dataclass(frozen=True)
@@ -112,7 +112,7 @@ def with_bodies(
         kept = _where_teeth_differ(scene.model, scene.plain.pair.helix_angle_deg)
         scene = _unsaid(scene, kept)
     grid = pair_grid(scene.mesh, pair, torque, scene.map.torques_Nm, condensed=True)
-    put = lambda each, told: _in_mesh(each, scene.mesh, scene.model, scene.plain, pair, grid, told)
+    put = lambda each, told: _in_mesh(each, scene, pair, grid, told)
     bodies = {each[0].plan.gear: put(each, tell) for each in made}
     for gear, key in measures.items():
         if key is not None:
@@ -294,14 +294,9 @@ def _for_long_cycles(mesh: MeshKeys, sweep: SweepKeys) -> dict[str, int]:
 
 
 def _in_mesh(
-    made: _Made,
-    mesh: MeshKeys,
-    model: ModelKeys,
-    plain: PlainTables,
-    pair: GearPair,
-    grid: MeshGrid,
-    tell: Callable[[str], None],
+    made: _Made, scene: Scene, pair: GearPair, grid: MeshGrid, tell: Callable[[str], None]
 ) -> MeshBody:
+    mesh, plain = scene.mesh, scene.plain
     built, natural = made
     plan, body = built.plan, built.body
     tell(f"{plan.gear}: teeth on the rim")
@@ -323,7 +318,7 @@ def _in_mesh(
         repeats = repeats_under(body, plan.teeth_count, natural)
         in_mesh = body_in_mesh(body, pair, index, grid, repeats, **more, **seats, **on_rim)
     at_rest = MeshBody(built, in_mesh.still, None, natural, in_mesh, heated=heated)
-    return at_rest if natural is None else _on_shapes(at_rest, model, pair, grid, tell)
+    return at_rest if natural is None else _on_shapes(at_rest, scene, pair, grid, tell)
 
 
 def with_shapes_of(scene: Scene, body: MeshBody) -> MeshBody:
@@ -341,32 +336,34 @@ def with_shapes_of(scene: Scene, body: MeshBody) -> MeshBody:
     pair = pair_of(scene)
     torque = jnp.asarray(scene.pair.torque_pinion_Nm + couples_on_pinion(scene.pinion.shaft))
     grid = pair_grid(scene.mesh, pair, torque, scene.map.torques_Nm, condensed=True)
-    return _on_shapes(body, scene.model, pair, grid, lambda step: None)
+    return _on_shapes(body, scene, pair, grid, lambda step: None)
 
 
-# So many times more natural modes judge those that are kept.
-_RICHER = 2
+# So many times more natural modes judge those that are kept; excited shapes those that they are
+# made of, but no more than answer within a minute where both bodies have them.
+_RICHER, _MOST_JUDGING = 2, 1500
 
 
 def _on_shapes(
-    body: MeshBody, model: ModelKeys, pair: GearPair, grid: MeshGrid, tell: Callable[[str], None]
+    body: MeshBody, scene: Scene, pair: GearPair, grid: MeshGrid, tell: Callable[[str], None]
 ) -> MeshBody:
     """A body that vibrates on some of its natural modes, or on shapes that the mesh excites."""
     natural, in_mesh = body.natural, body.in_mesh
-    count = model.shape_count(float(pair.helix_angle), grid.periods)
+    count = scene.shape_count
     assert natural is not None
     assert in_mesh is not None
     gear, teeth = body.built.plan.gear, body.built.plan.teeth_count
     sectors = in_mesh.condensed.facts["sectors"]
     assert isinstance(sectors, int)
     on = lambda basis: in_mesh.moving(basis.under_teeth(teeth, sectors)[0])
-    if model.shapes == "excited":
+    if scene.model.shapes == "excited":
         tell(f"{gear}: shapes that the mesh excites")
         basis, _ = natural.under_teeth(teeth, sectors)
         shapes = excited_shapes(basis, in_mesh, pair, GEARS.index(gear), grid, count)
         if shapes is not None:
             shaped = shapes.of_body(in_mesh, basis)._asdict()
-            on_modes = lambda: on(lowest_modes(natural, CANDIDATES * count))
+            judging = max(min(CANDIDATES * count, _MOST_JUDGING), _RICHER * count)
+            on_modes = lambda: on(lowest_modes(natural, judging))
             return dataclasses.replace(body, **shaped, on_modes=on_modes)
     basis, more = lowest_modes(natural, count), lowest_modes(natural, _RICHER * count)
     richer = None if len(more.square) == len(basis.square) else lambda: on(more)

@@ -114,8 +114,9 @@ class ModelKeys(AbstractKeys):
 
     coordinates: int | None = key(
         "shapes by which each condensed body vibrates, the rest with their static part; 0: all, "
-        "200 unless said, of helical teeth or where a cycle has many mesh periods 250; of natural "
-        "modes 100, of helical teeth where holes pass by 600 unless shapes are said",
+        "200 unless said, of helical teeth or where a cycle has many mesh periods 250, of helical "
+        "teeth on two condensed bodies 350; of natural modes 100, of helical teeth where holes "
+        "pass by 600 unless shapes are said",
         "[0, inf)",
     )
     shapes: Literal["natural", "excited"] = key(
@@ -126,13 +127,14 @@ class ModelKeys(AbstractKeys):
         default="excited",
     )
     mesh_coordinates: int | None = key(
-        "combinations of these that the mesh tells apart; 8 unless said, of helical teeth 16; "
-        "where a cycle has many mesh periods 16 and 28, of natural modes 16 and 56",
+        "combinations of these that the mesh tells apart; 8 unless said, of helical teeth 16, on "
+        "two condensed bodies 24; where a cycle has many mesh periods 16 and 28, of natural modes "
+        "16 and 56",
         "[4, 100]",
     )
 
-    def shape_count(self, helix: float, periods: int) -> int:
-        """Shapes by which each condensed body vibrates in a cycle of so many periods, 0: all.
+    def shape_count(self, helix: float, periods: int, bodies: int) -> int:
+        """Shapes by which each of the condensed bodies vibrates in so many mesh periods, 0: all.
 
         Spur teeth load a body of equal sectors in its plane alone, and excite fewer of its modes.
         """
@@ -140,9 +142,11 @@ class ModelKeys(AbstractKeys):
             return self.coordinates
         if self.shapes == "natural":
             return 100
+        if helix and bodies > 1:
+            return 350
         return 250 if helix or periods > 1 else 200
 
-    def at_mesh(self, helix: float, periods: int) -> int:
+    def at_mesh(self, helix: float, periods: int, bodies: int) -> int:
         """Combinations of them that the mesh tells apart in a cycle of so many mesh periods.
 
         Leaning teeth are loaded all over, and where holes pass by, each tooth in another way.
@@ -150,7 +154,7 @@ class ModelKeys(AbstractKeys):
         if self.mesh_coordinates is not None:
             return self.mesh_coordinates
         if periods == 1:
-            return 16 if helix else 8
+            return (24 if bodies > 1 else 16) if helix else 8
         return (56 if self.shapes == "natural" else 28) if helix else 16
 
     fidelity: Literal["as given", "auto"] = key(

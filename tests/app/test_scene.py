@@ -347,6 +347,18 @@ def test_leaning_teeth_tell_more_motions_of_a_body_apart(write):
     assert lean.replace({"model.mesh_coordinates": 50}).at_mesh_of_reference == 50
 
 
+def test_leaning_teeth_on_two_condensed_bodies_want_more_of_each():
+    def kept(name: str, *settings: str) -> tuple[int, int]:
+        scene = example_scene(name, settings)
+        return scene.shape_count, scene.at_mesh
+
+    assert kept("power-h2") == kept("power-webbed-pinion") == (350, 24)
+    assert kept("power-h2", "pinion.body.kind=rigid") == kept("power-h1") == (250, 16)
+    assert kept("accessory-h2") == kept("accessory-h1") == (200, 8)
+    assert kept("power-h2", "model.coordinates=60", "model.mesh_coordinates=9") == (60, 9)
+    assert kept("power-h2", "model.shapes=natural") == (100, 24)
+
+
 def test_a_condensed_scene_reads_back_as_it_was_written(write, tmp_path):
     scene = read_scene(write(_LEAST + _CONDENSED))
     write_scene(scene, tmp_path / "again.toml")

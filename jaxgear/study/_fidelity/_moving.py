@@ -23,7 +23,7 @@ _SAME_BRANCH = 0.03
 _STABLE = 1.0 + 1e-6
 # Keys that leave the physical model as it is.
 _NUMERICAL = {"mesh.slices", "sweep.steps", "sweep.harmonics"}
-# Of the richer model: modes of all bodies together.
+# Natural modes of each body of the richer model.
 _MODES = 800
 
 
@@ -117,11 +117,11 @@ class BodiesProblem(AbstractMotion):
     ):
         """Compare levels, or all, of a scene with a sweep and bodies that can vibrate.
 
-        Each body of the reference has so many natural modes; 800 of all together by default, and
-        no fewer than shapes in the scene. A speed costs a second to several.
+        Each body of the reference has so many natural modes, 800 by default, and no fewer than
+        shapes in the scene. A speed costs a second to several.
         """
         own = scene.shape_count
-        most = 0 if own == 0 else max(own, modes or _MODES // len(scene.condensed))
+        most = 0 if own == 0 else max(own, modes or _MODES)
         with narration("bodies of the reference"):
             models = Models(scene, moving=True)
             models({})
