@@ -7,14 +7,15 @@ Each model of an example scene, as `natural:100` or `excited:200` (0: all coordi
 with the scene's own number of mesh coordinates or `MESH` of them, is brought to its steady response
 at each speed by harmonic balance. Its largest mesh force, RMS of transmission error, largest
 bearing force and, with `--probes`, RMS of what two nodes of the wheel do along the axis, at the end
-of its rim and in the middle of its web, go to `shapes.json`, with processor seconds; the table
-compares all with the model of most coordinates at the same speed and relief. All coordinates of the
-accessory wheel (2,895) take minutes of a processor to be set up and half a one for each speed. A
-wheel with holes repeats after many mesh periods: take few harmonics, by `--set`.
+of its rim and in the middle of its web, between two holes, go to `shapes.json`, with processor
+seconds; the table compares all with the model of most coordinates at the same speed and relief. All
+coordinates of the accessory wheel (2,895) take minutes of a processor to be set up and half a one
+for each speed. A wheel with holes repeats after many mesh periods: take few harmonics, by `--set`.
 """
 
 import argparse
 import json
+import math
 import statistics
 import sys
 import time
@@ -121,7 +122,8 @@ def gauges_on(scene) -> dict[str, Any]:
     body = moving_bodies(scene.bodies, scene.gears)["wheel"]
     web, end = scene.wheel.body.web, float(body.built.body.rim_nodes[:, 2].min())
     middle = 0.25e-3 * (web.hub_outer_mm + web.rim_inner_mm)
-    places = {"rim_um": (body.radius, 0.0, end), "web_um": (middle, 0.0, 0.0)}
+    between = math.pi / web.holes if web.holes else 0.0
+    places = {"rim_um": (body.radius, 0.0, end), "web_um": (middle, between, 0.0)}
     return {x: probe_at(body, at, 2, turns=True, name=x) for x, at in places.items()}
 
 

@@ -65,6 +65,7 @@ from ._search import constrained as constrained
 from ._search import lbfgs as lbfgs
 from ._search import least_squares as least_squares
 from ._strategies import annealed as annealed
+from ._strategies import best_starts as best_starts
 from ._strategies import inactive as inactive
 from ._strategies import joined as joined
 from ._strategies import multi_start as multi_start

@@ -7,6 +7,7 @@ Depths may be in any unit of length that all arguments of a function share; [m] 
 """
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -201,9 +202,9 @@ def traced_curve(
 ) -> TracedCurve:
     r"""Follow the best depth from one extent to the next.
 
-    At each extent Gauss and Newton's steps $-r\cdot r_E / r_E\cdot r_E$, halved until the mean
-    square falls; to the next extent along the tangent $dE/d\Gamma = -r_E\cdot r_\Gamma /
-    r_E\cdot r_E$.
+    At each extent Gauss and Newton's steps $-r\cdot r_E / r_E\cdot r_E$, between places whose
+    slopes point at each other once there are such; to the next extent along the tangent
+    $dE/d\Gamma = -r_E\cdot r_\Gamma / r_E\cdot r_E$.
 
     **Arguments:**
 
@@ -230,11 +231,10 @@ def traced_curve(
     else:
         sloped = with_jacobian(lambda point: deviations(point[0], point[1]))
 
-    def at(depth: float, gamma: float) -> np.ndarray:
+    def at(depth: float, gamma: float) -> _Place:
         r, slopes = map(np.asarray, sloped(jnp.asarray(np.asarray([depth, gamma]), dtype=float)))
-        by_depth, by_extent = slopes.T
-        found = np.stack([r @ r, r @ by_depth, by_depth @ by_depth, by_depth @ by_extent])
-        if not np.all(np.isfinite(found)):
+        found = _Place(depth, r, *slopes.T)
+        if not (np.all(np.isfinite(r)) and np.all(np.isfinite(slopes))):
             raise FloatingPointError(
                 f"The deviations or their slopes are not finite at a relief of {depth:.6g}, in the "
                 f"unit given, over {gamma:.6g} of the path."
@@ -248,40 +248,89 @@ def traced_curve(
             rows.append((np.nan, np.nan, np.nan, False))
             continue
         bottom = lambda depth, gamma=float(gamma): at(depth, gamma)
-        depth, found, settled = _bottom(bottom, depth, most_steps, tolerance)
-        rows.append((depth, np.sqrt(found[0]), 2.0 * found[2], settled))
+        found, settled = _bottom(bottom, depth, most_steps, tolerance)
+        rows.append((found.depth, np.sqrt(found.square), 2.0 * found.bend, settled))
         # Half of it at the least: near the shortest extent the tangent overshoots.
-        slope = found[3] / found[2] if found[2] > 0.0 else np.nan
-        depth = np.maximum(depth - slope * float(ahead - gamma), 0.5 * depth)
+        turn = found.by_depth @ found.by_extent
+        slope = turn / found.bend if found.bend > 0.0 else np.nan
+        depth = np.maximum(found.depth - slope * float(ahead - gamma), 0.5 * found.depth)
         done(1)
     columns = (np.asarray(column) for column in zip(*rows, strict=True))
     return TracedCurve(np.asarray(extent, dtype=float), *columns)
 
 
+class _Place(NamedTuple):
+    """Deviations at a depth, and how they change with the depth and with the extent."""
+
+    depth: float
+    deviations: np.ndarray
+    by_depth: np.ndarray
+    by_extent: np.ndarray
+
+    @property
+    def square(self) -> float:
+        return float(self.deviations @ self.deviations)
+
+    @property
+    def slope(self) -> float:
+        return float(self.deviations @ self.by_depth)
+
+    @property
+    def bend(self) -> float:
+        return float(self.by_depth @ self.by_depth)
+
+
 def _bottom(
-    at: Callable[[float], np.ndarray], depth: float, most_steps: int, tolerance: float
-) -> tuple[float, np.ndarray, bool]:
-    """The depth of least mean square, its products, and whether it was found."""
-    here = at(depth)
+    at: Callable[[float], _Place], depth: float, most_steps: int, tolerance: float
+) -> tuple[_Place, bool]:
+    """The place of least mean square, and whether it was found: a bottom, or a kink.
+
+    Between two places whose slopes point at each other there is one of them.
+    """
+    here, ends, last = at(depth), {}, np.inf
     for _ in range(most_steps):
-        if not here[2] > 0.0:
-            return depth, here, False
-        step = -here[1] / here[2]
-        if abs(step) <= tolerance * max(depth, abs(step) * tolerance):
-            return depth, here, True
-        for _ in range(_HALVINGS):
-            ahead = max(depth + step, 0.0)
-            there = at(ahead)
-            if there[0] < here[0]:
-                break
-            step *= 0.5
-        else:
-            # No step is an improvement: rounding is all that is left, or a kink.
-            return depth, here, bool(abs(step) * 2.0**_HALVINGS <= _KINK * depth)
-        depth, here = ahead, there
-    return depth, here, False
+        if not here.bend > 0.0:
+            return here, False
+        step = -here.slope / here.bend
+        if abs(step) <= tolerance * max(here.depth, abs(step) * tolerance):
+            return here, True
+        ends[step > 0.0] = here
+        ahead = max(here.depth + step, 0.0)
+        if len(ends) == 2:
+            low, high = ends[True], ends[False]
+            width, least = high.depth - low.depth, _KINK * high.depth
+            lower = min(low, high, key=lambda each: each.square)
+            kink = _meeting(low, high)
+            if width <= least or abs(kink - lower.depth) <= least:
+                return lower, True
+            inside = [x for x in (ahead, kink) if low.depth + least < x < high.depth - least]
+            ahead = inside[0] if inside and width < 0.5 * last else 0.5 * (low.depth + high.depth)
+            last = width
+        there = _better(at, here, ahead)
+        if there is None:
+            return here, False
+        here = there
+    return here, False
 
 
-# A step is halved so often; where even that is no improvement, a first step up to this share of
-# the depth was rounding or a kink of the mean square.
-_HALVINGS, _KINK = 12, 1e-3
+def _meeting(low: _Place, high: _Place) -> float:
+    """Where the deviations that two places foresee are closest: at the kink between them."""
+    turn = low.by_depth - high.by_depth
+    apart = low.deviations - high.deviations
+    apart = apart - low.by_depth * low.depth + high.by_depth * high.depth
+    size = float(turn @ turn)
+    return -float(apart @ turn) / size if size > 0.0 else np.nan
+
+
+def _better(at: Callable[[float], _Place], here: _Place, ahead: float) -> _Place | None:
+    """A place ahead, or on the way there, of less mean square or beyond the bottom."""
+    for _ in range(_HALVINGS):
+        there = at(ahead)
+        if there.square < here.square or (there.slope * here.slope < 0.0 < there.bend):
+            return there
+        ahead = 0.5 * (here.depth + ahead)
+    return None
+
+
+# A step is halved so often. Depths of a bottom with a kink are told to this share.
+_HALVINGS, _KINK = 12, 1e-8

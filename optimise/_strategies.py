@@ -38,13 +38,9 @@ def multi_start(
 
     **Arguments:**
 
-    - `objective`: traceable by JAX.
-    - `box`: bounds.
     - `search`: from one start, such as `lbfgs`.
-    - `candidates`: points of Sobol's sequence, all evaluated in one call; a power of two.
-    - `starts`: how many of them to search from: the best, and the next best that are apart.
-    - `seed`: of the scrambling.
     - `settings`: of the search.
+    - the others: as of `best_starts`.
 
     **Returns:**
 
@@ -53,6 +49,38 @@ def multi_start(
     **Raises:**
 
     - `FloatingPointError` if no candidate can be evaluated, or a search meets one that cannot.
+    - `ValueError` if the number of candidates is no power of two.
+    """
+    chosen = best_starts(objective, box, candidates=candidates, starts=starts, seed=seed)
+    found = [search(objective, start, box, **settings) for start in chosen]
+    return tuple(sorted(found, key=lambda result: result.value))
+
+
+def best_starts(
+    objective: Objective | Batched,
+    box: Box,
+    *,
+    candidates: int = 64,
+    starts: int = 3,
+    seed: int = 0,
+) -> np.ndarray:
+    """The best of many points that fill the box evenly.
+
+    **Arguments:**
+
+    - `objective`: traceable by JAX.
+    - `box`: bounds.
+    - `candidates`: points of Sobol's sequence, all evaluated in one call; a power of two.
+    - `starts`: how many to take: the best, and the next best that are apart.
+    - `seed`: of the scrambling.
+
+    **Returns:**
+
+    They, the best first, shape `[start, variable]`.
+
+    **Raises:**
+
+    - `FloatingPointError` if no candidate can be evaluated.
     - `ValueError` if the number of candidates is no power of two.
     """
     unit = sobol(len(box.lower), candidates, seed)
@@ -70,8 +98,7 @@ def multi_start(
         near = [np.max(abs(unit[place] - unit[other])) < apart for other in chosen]
         if np.isfinite(values[place]) and len(chosen) < starts and not any(near):
             chosen.append(int(place))
-    found = [search(objective, points[place], box, **settings) for place in chosen]
-    return tuple(sorted(found, key=lambda result: result.value))
+    return points[chosen]
 
 
 def sobol(dimension: int, count: int, seed: int) -> np.ndarray:

@@ -178,3 +178,53 @@ def test_extent_of_the_longest_relief():
     sines = math.sin(math.pi * (1.6 - run)) * math.sin(math.pi * run)
     harmonic = 1 - 0.376 - sines / (math.pi * run * math.sin(1.6 * math.pi))
     assert_close(outside, 0.625 / harmonic, rtol=1e-12, atol=0.0)
+
+
+def _kinked(depth, extent):
+    """Of depth 2 over any extent the least square has a kink: slopes -3 below and +1 above it."""
+    return jnp.stack([depth - 5.0, 4.0 * jnp.maximum(depth - 2.0, 0.0) + 1.0])
+
+
+def _many_kinks(depth, extent):
+    """Least at a depth that grows with the extent, each of 40 deviations with a kink of its own."""
+    at = jnp.linspace(0.5, 4.5, 40)
+    beyond = depth - at - extent
+    return beyond + 0.3 * jnp.abs(beyond) - 0.2
+
+
+@pytest.mark.parametrize("start", [0.1, 1.99, 2.0, 2.01, 40.0])
+def test_a_kink_is_a_bottom(start):
+    counted = []
+    deviations = optimise.with_jacobian(lambda x: _kinked(x[0], x[1]))
+    sloped = optimise.ValueAndGradient(lambda x: counted.append(1) or deviations(x))
+    curve = optimise.traced_curve(sloped, np.array([0.4, 0.3, 0.2]), start)
+    assert curve.settled.all()
+    assert_close(curve.depth, np.full(3, 2.0), rtol=1e-7, atol=0.0)
+    assert_close(curve.rms, np.full(3, np.sqrt(10.0)), rtol=1e-7, atol=0.0)
+    assert len(counted) < 40
+
+
+def test_many_kinks_are_followed_in_few_steps():
+    """Against a fine grid; each place is evaluated a dozen times at the most."""
+    counted = []
+    deviations = optimise.with_jacobian(lambda x: _many_kinks(x[0], x[1]))
+    sloped = optimise.ValueAndGradient(lambda x: counted.append(1) or deviations(x))
+    extent = np.linspace(0.5, 0.1, 9)
+    curve = optimise.traced_curve(sloped, extent, 1.0)
+    assert curve.settled.all()
+    fine = np.linspace(0.0, 5.0, 5001)
+    squares = jax.vmap(lambda d: jnp.sum(_many_kinks(d, extent[0]) ** 2))(jnp.asarray(fine))
+    assert_close(curve.depth[0], fine[int(np.argmin(squares))], rtol=0.0, atol=1e-3)
+    assert_close(np.diff(curve.depth), np.diff(extent), rtol=0.0, atol=1e-6)
+    assert len(counted) < 12 * 9
+
+
+def test_a_depth_that_changes_nothing_is_no_bottom():
+    """Nor is a depth of zero, beyond which the square would fall."""
+    nothing = lambda depth, extent: jnp.stack([1.0 + 0.0 * depth, extent])
+    curve = optimise.traced_curve(nothing, np.array([0.4, 0.3]), 1.0)
+    assert not curve.settled.any()
+    below = lambda depth, extent: jnp.stack([depth + 1.0, extent])
+    curve = optimise.traced_curve(below, np.array([0.4, 0.3]), 1.0)
+    assert not curve.settled.any()
+    assert curve.depth[0] == 0.0

@@ -22,20 +22,23 @@ _OFF_MEAN = "transmission error less its mean [µm]"
 
 
 def search_trace(dataset: xr.Dataset) -> Figure:
-    """Best value so far over the number of evaluations, for several searches."""
+    """Best value so far over the number of evaluations, for the best of several searches."""
     figure, (axes,) = panels("Searches", dataset, (7.2, 4.4))
     objective = list(dataset.data_vars.values())[-1]
     # As it stands in files: its square has no sign of its own in a legend.
     unit = {"1": "-"}.get(objective.attrs["units"], objective.attrs["units"])
-    every = []
-    for name, colour in zip(dict.fromkeys(dataset["method"].values), TEETH_SERIES, strict=False):
-        best = np.minimum.accumulate(objective.values[dataset["method"].values == name])
-        every.append(best)
+    of = dataset["method"].values
+    falls = {
+        name: np.minimum.accumulate(objective.values[of == name]) for name in dict.fromkeys(of)
+    }
+    lowest = sorted(falls, key=lambda name: falls[name][-1])[: len(TEETH_SERIES)]
+    shown = {name: best for name, best in falls.items() if name in lowest}
+    for (name, best), colour in zip(shown.items(), TEETH_SERIES, strict=False):
         count = np.arange(1, len(best) + 1)
         label = f"{name}: {best[-1]:.4g} {unit} after {len(best)}"
         axes.step(count, best, where="post", color=colour, label=label)
         axes.plot(count[-1], best[-1], "o", ms=5, color=colour)
-    best = np.concatenate(every)
+    best = np.concatenate([*shown.values()])
     if np.min(best) > 0.0 and np.max(best) > 20.0 * np.min(best):
         axes.set_yscale("log")
     axes.set_xscale("log")
@@ -43,7 +46,8 @@ def search_trace(dataset: xr.Dataset) -> Figure:
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_xlim(left=0.9)
     axes.set(xlabel="evaluations of the objective [-]", ylabel=f"best objective so far [{unit}]")
-    axes.legend(loc="upper right")
+    more = len(falls) - len(shown)
+    axes.legend(loc="best", title=f"{more} more end higher" if more else None)
     return figure
 
 

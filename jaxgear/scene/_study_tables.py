@@ -140,14 +140,16 @@ class OptimiseKeys(AbstractKeys):
     method: Literal["lbfgs", "adam", "least_squares"] = key(
         "method of the search; with [optimise.limits] SLSQP takes its place", default="lbfgs"
     )
-    starts: int = key(
-        "searches, from the scene itself and from the best of 64 points in the bounds", "[1, 64]", 1
+    starts: int | None = key(
+        "searches, from the scene itself and from the best of 128 points in the bounds, in motion "
+        "of 16; default: 5, in motion 2",
+        "[1, 64]",
     )
     limits: LimitsKeys
     anneal_um: list[float] | None = key(
         "widths of smooth contact to search with before mesh.smoothing_um, falling", "(0, 1000]"
     )
-    max_evaluations: int = key("most evaluations", "[1, 1000000]", 50)
+    max_evaluations: int = key("most evaluations of a search", "[1, 1000000]", 100)
     pareto: ParetoKeys
     bounds: Mapping[str, list[float]]
     ties: Mapping[str, str]

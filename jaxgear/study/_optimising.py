@@ -55,6 +55,7 @@ from jaxgear.study._search import (
 from jaxgear.study._search_checks import require_searchable
 from jaxgear.study._statics import SolverFailure, Statics, solve_statics
 from jaxgear.study._sweep_notes import left_out_notes
+from optimise import SearchResult
 
 
 @study
@@ -116,8 +117,7 @@ def optimisation(
     after = _solved(space, made.found.point, torques)
     own, notes = _judged(problem, search, made, (before, after))
     at_end = speeds(np.asarray(made.found.point))
-    swept = made.baseline.evaluations if is_dynamic(scene.optimise) else 0
-    notes = left_out_notes(at_start, at_end, limited=swept) + notes
+    notes = left_out_notes(at_start, at_end) + notes
     name = f"{scene.name}.optimised.toml"
     own |= left_out(at_start, at_end) | {"scene": name}
     states = {"start": before.model, "optimised": after.model}
@@ -207,13 +207,12 @@ def _judged(
     problem: _Posed, search: Search, made: Searched, statics: tuple[Statics, Statics]
 ) -> tuple[Summary, list[str]]:
     """Judge with exact contact where a search began and ended: part of the summary, and remarks."""
-    space, (found, baseline, restarted, seconds) = problem.space, made
+    space, found = problem.space, made.found
     scene, law = space.scene, ExactContact()
     task = task_of(space, problem.grid, law, problem.prepared)
     exact = lambda point: float(timed(objective_at, task, np.asarray(point), law, options=QUICKLY))
-    points = space.start, found.point, baseline.point
-    before, after, other = (exact(point) for point in points)
-    if not np.isfinite([before, after, other]).all():
+    before, after = exact(space.start), exact(found.point)
+    if not np.isfinite([before, after]).all():
         more = f", or {TOO_FEW_SPEEDS}" if is_dynamic(scene.optimise) else ""
         raise SolverFailure(f"the contact was not solved where the search began or ended{more}")
     bias, notes = found.value - after, []
@@ -242,23 +241,28 @@ def _judged(
         "smoothing_bias_at_most": smoothing_bias_of(search, space, found.point),
         "smoothing_um": scene.mesh.smoothing_um,
         "method": search.name,
-        "starts": scene.optimise.starts,
+        "starts": len(made.each) + made.left_out,
+        "starts_left_out": made.left_out,
+        "searches": [_row(space, each) for each in made.each],
         "limits": limits,
         "evaluations": found.evaluations,
         "gradient_evaluations": found.gradient_evaluations,
         "converged": found.converged,
         "reason": found.reason,
-        "restarted_from_baseline": restarted,
         "at_bounds": space.at_bounds(found.point),
-        "seconds_with_compiling": seconds,
-        "differential_evolution": {
-            "objective": other,
-            "variables": dict(zip(space.keys, baseline.point, strict=True)),
-            "evaluations": baseline.evaluations,
-            "converged": baseline.converged,
-        },
+        "seconds_with_compiling": made.seconds,
     }
     return summary, notes
+
+
+def _row(space: DesignSpace, found: SearchResult) -> Summary:
+    """Part of the summary: where one search ended."""
+    return {
+        "smooth_objective": found.value,
+        "variables": dict(zip(space.keys, found.point, strict=True)),
+        "evaluations": found.evaluations,
+        "converged": found.converged,
+    }
 
 
 def _numbers_of(statics: Statics, objective: float) -> Summary:
@@ -295,14 +299,14 @@ def _design_dataset(title: str, statics: Statics) -> xr.Dataset:
 
 
 def _trace(asked: OptimiseKeys, name: str, made: Searched) -> xr.Dataset:
-    """The objective at each evaluation, of one method after the other."""
-    values = {name: made.found.values, "differential evolution": made.baseline.values}
-    counts = [np.arange(1, len(each) + 1) for each in values.values()]
-    methods = [each for each, own in values.items() for _ in own]
-    objective, unit = np.concatenate([*values.values()]), objective_unit(asked)
+    """The objective at each evaluation, of one search after the other."""
+    counts = [np.arange(1, len(each.values) + 1) for each in made.each]
+    starts = ["from the scene", *(f"from start {k}" for k in range(2, len(made.each) + 1))]
+    methods = [f"{name} {start}" for start, own in zip(starts, counts, strict=True) for _ in own]
+    objective, unit = np.concatenate([each.values for each in made.each]), objective_unit(asked)
     found = over(
         "record",
-        method=(methods, "method of the search"),
+        method=(methods, "method of the search, and from where"),
         evaluation=(np.concatenate(counts), "number of the evaluation"),
     ) | in_unit("objective", ("record",), objective, unit, "objective")
     return dataset_of(found)

@@ -1,10 +1,11 @@
 """The search that [optimise] asks for: from one start or several, kept in a file against a kill."""
 
+import contextlib
 import hashlib
 import importlib.metadata
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,6 +21,7 @@ from jaxgear._types import as_scalar
 from jaxgear._units import um
 from jaxgear._whole_file import as_json
 from jaxgear.scene._build import smooth_law_of
+from jaxgear.scene._study_tables import OptimiseKeys
 from jaxgear.study._design import DesignSpace
 from jaxgear.study._evaluations import (
     objectives_at,
@@ -30,16 +32,17 @@ from jaxgear.study._evaluations import (
     sloped_responses,
 )
 from jaxgear.study._objectives import is_dynamic, limits_of, task_of
-from jaxgear.study._progress import narration, progress
+from jaxgear.study._progress import progress
 from jaxgear.study._running import timed
 from jaxgear.study._statics import SolverFailure
 
-# Points over the whole box of which the best are starts.
-_CANDIDATES = 64
-# A better point by this much of the objective found elsewhere is worth a second search.
+# Starts, and the points over the whole box of which all but the scene itself are the best. With 64
+# points more of the searches end above the best that is known (docs/searches.md). With responses
+# at many speeds an evaluation takes a second, not a millisecond.
+_STARTS, _CANDIDATES = 5, 128
+_FEW_STARTS, _FEW_CANDIDATES = 2, 16
+# A better point by this much of the objective found on a map is worth a second search.
 _CLEARLY_BETTER = 0.02
-# With responses at many speeds an evaluation takes a second, not a millisecond.
-_FEW_MEMBERS = {"population": 5, "most_generations": 10}
 
 TOO_FEW_SPEEDS = (
     "fewer than half of the speeds of [sweep] have a response that has converged and is not close "
@@ -147,50 +150,62 @@ def require_acting(search: Search, space: DesignSpace) -> None:
 
 
 class Searched(NamedTuple):
-    """The best by gradient, and by differential evolution, from where it may have been restarted.
+    """The best that was found, and what each search found, that from the scene itself first.
 
-    The seconds are those of the search by gradient, with compiling.
+    `left_out` counts starts from which the search met gears that cannot be evaluated. The seconds
+    are with compiling.
     """
 
     found: optimise.SearchResult
-    baseline: optimise.SearchResult
-    restarted: bool
+    each: tuple[optimise.SearchResult, ...]
+    left_out: int
     seconds: float
 
 
 def searched(search: Search, space: DesignSpace) -> Searched:
-    """Search by gradient, then by differential evolution, and go on from there if it found more."""
-    dynamic, start = is_dynamic(space.scene.optimise), time.perf_counter()
-    try:
-        found = descent(search, space)
-    except FloatingPointError as error:
-        if not dynamic:
-            raise
-        raise SolverFailure(f"{error} {TOO_FEW_SPEEDS}") from error
-    seconds = time.perf_counter() - start
-    with narration("searching by differential evolution"):
-        few = _FEW_MEMBERS if dynamic else {}
-        baseline = optimise.differential_evolution(search.objective, space.box, **few)
-    found, restarted = unless_beaten(found, baseline.point, baseline.value, search, space)
-    return Searched(found, baseline, restarted, seconds)
-
-
-def descent(
-    search: Search, space: DesignSpace, start: np.ndarray | None = None
-) -> optimise.SearchResult:
-    """One search from a start, or from the scene's own values and as many more as it asks for."""
-    asked = space.scene.optimise
-    more = 0 if start is not None else asked.starts - 1
-    most = asked.max_evaluations * (1 + more) * (1 + len(asked.anneal_um or ()))
-    with progress(most, f"searching by {search.name}") as done:
+    """Search from the scene's own values, and from the best of points all over the bounds."""
+    asked, begun = space.scene.optimise, time.perf_counter()
+    dynamic = is_dynamic(asked)
+    count = asked.starts or (_FEW_STARTS if dynamic else _STARTS)
+    with progress(_most(asked) * count, f"searching by {search.name}") as done:
         watch = lambda point, value: done(1)
-        found = [search.descend(space.start if start is None else start, watch)]
-        if more > 0:
-            descend = lambda objective, start, box: search.descend(start, watch)
-            found += optimise.multi_start(
-                search.objective, space.box, search=descend, candidates=_CANDIDATES, starts=more
-            )
-    return _best_of(search, *found)
+        try:
+            found = [search.descend(space.start, watch)]
+        except FloatingPointError as error:
+            if not dynamic:
+                raise
+            raise SolverFailure(f"{error} {TOO_FEW_SPEEDS}") from error
+        if count > 1:
+            candidates = _FEW_CANDIDATES if dynamic else _CANDIDATES
+            for start in _further_starts(search, space, candidates, count - 1):
+                # Elsewhere in the bounds gears may be impossible: that start finds nothing.
+                with contextlib.suppress(FloatingPointError):
+                    found.append(search.descend(start, watch))
+    seconds = time.perf_counter() - begun
+    return Searched(_best_of(search, *found), tuple(found), count - len(found), seconds)
+
+
+def _most(asked: OptimiseKeys) -> int:
+    """Evaluations of one descent at most."""
+    return asked.max_evaluations * (1 + len(asked.anneal_um or ()))
+
+
+def _further_starts(
+    search: Search, space: DesignSpace, candidates: int, count: int
+) -> Iterable[np.ndarray]:
+    """The best of points all over the bounds, none if none of them can be evaluated."""
+    try:
+        return optimise.best_starts(
+            search.objective, space.box, candidates=candidates, starts=count
+        )
+    except FloatingPointError:
+        return ()
+
+
+def descent(search: Search, space: DesignSpace, start: np.ndarray) -> optimise.SearchResult:
+    """One search from a start."""
+    with progress(_most(space.scene.optimise), f"searching by {search.name}") as done:
+        return search.descend(start, lambda point, value: done(1))
 
 
 def _best_of(search: Search, *found: optimise.SearchResult) -> optimise.SearchResult:

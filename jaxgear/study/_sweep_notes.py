@@ -153,16 +153,9 @@ def steady_notes(points: Sequence[SteadyPoint]) -> list[str]:
 def left_out_notes(
     before: Sequence[tuple[float, optimise.SpeedResults]],
     after: Sequence[tuple[float, optimise.SpeedResults]],
-    *,
-    limited: int,
 ) -> list[str]:
-    """What a search over speeds does not cover, from what each speed contributes at its ends.
-
-    `limited` counts the evaluations of the search without gradients, if each was a sweep.
-    """
-    if not before:
-        return []
-    found = []
+    """What a search over speeds does not cover, from what each speed contributes at its ends."""
+    found: list[str] = []
     for when, judged in (("before", before), ("after", after)):
         for torque, each in judged:
             if speeds := [float(speed) for speed in each.left_out]:
@@ -175,9 +168,4 @@ def left_out_notes(
                         f"not converged, or are close to a fold ({named}{more} rad/s)."
                     )
                 )
-    if limited:
-        found.append(
-            f"Differential evolution was kept to {limited} evaluations, each of which is a sweep: "
-            "it is no proof that nothing better exists."
-        )
     return found

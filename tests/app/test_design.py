@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
@@ -21,8 +22,10 @@ from jaxgear.study._evaluations import objective_at
 from jaxgear.study._objectives import objective_unit, task_of
 from jaxgear.study._search import (
     Search,
+    by_gradient,
     record_file,
     require_acting,
+    searched,
     smoothing_notes,
     unless_beaten,
 )
@@ -172,6 +175,47 @@ def test_a_search_that_keeps_no_limit_goes_on_from_a_rival_that_does():
     kept, again = unless_beaten(found, np.array([7.0]), 49.0, search, space)
     assert not again
     assert kept is found
+
+
+def _dented(x):
+    """Least, of -1, at a depth of 30; a search from 5 ends at 8, of -0.5, if it only descends."""
+    hole = lambda at: jnp.exp(-0.05 * (x[0] - at) ** 2)
+    return -hole(30.0) - 0.5 * hole(8.0)
+
+
+@pytest.mark.parametrize(("starts", "deepest"), [("1", 8.0), ("2", 30.0), ("4", 30.0)])
+def test_a_search_begins_from_the_best_of_its_bounds_too(starts, deepest):
+    space = _space([_RELIEF], f"optimise.starts={starts}", f"{_RELIEF}=5.0")
+    slopes = optimise.with_gradient(lambda x, width: _dented(x))
+    objective = optimise.Batched(jax.vmap(_dented))
+    made = searched(by_gradient(space, slopes, objective), space)
+    assert made.found.point[0] == pytest.approx(deepest, abs=1e-2)
+    assert len(made.each) == int(starts)
+    assert made.each[0].point[0] == pytest.approx(8.0, abs=1e-2)
+    assert made.found.evaluations == sum(each.evaluations for each in made.each)
+    assert made.left_out == 0
+
+
+def test_starts_where_gears_are_impossible_are_left_out():
+    """A search that fails from the scene itself fails; without any other gears it stands alone."""
+    space, descend = _space([_RELIEF], f"{_RELIEF}=5.0"), optimise.lbfgs
+    slopes = optimise.with_gradient(lambda x, width: _dented(x))
+    search = by_gradient(space, slopes, optimise.Batched(jax.vmap(_dented)))
+
+    def possible(start, watch):
+        if start[0] > 20.0:
+            raise FloatingPointError("impossible")
+        return descend(_dented, start, space.box, watch=watch)
+
+    made = searched(search._replace(descend=possible), space)
+    assert made.left_out > 0
+    assert len(made.each) + made.left_out == 5
+    assert made.found.point[0] == pytest.approx(8.0, abs=1e-2)
+    nothing = optimise.Batched(jax.vmap(lambda x: jnp.nan * x[0]))
+    alone = searched(search._replace(objective=nothing), space)
+    assert (len(alone.each), alone.left_out) == (1, 4)
+    with pytest.raises(FloatingPointError, match="impossible"):
+        searched(search._replace(descend=possible), replace(space, start=np.array([25.0])))
 
 
 def _never(start, watch) -> optimise.SearchResult:
