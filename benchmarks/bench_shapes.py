@@ -80,7 +80,6 @@ def measured(model: str, options: argparse.Namespace):
     scene, seconds = on_processor(lambda: jg.with_bodies(scene, moving=True))
     print(f"{name} {model}: bodies {seconds:.1f} s, {peak():.0f} MB", file=sys.stderr, flush=True)
     built = BuiltScene(scene)
-    gauges = gauges_on(scene) if options.probes else {}
     grid = built.grid_in_motion
     make: Any = eqx.filter_jit(lambda model: dynamics_of(model, grid, scene))
     make = make.lower(built.model).compile()
@@ -91,6 +90,7 @@ def measured(model: str, options: argparse.Namespace):
         balance, preparing = on_processor(
             lambda pair=pair: harmonic_balance_problem(method, pair.system)
         )
+        looked = looked_at(built, pair) if options.probes else None
         size = pair.system.mass.shape[0]
         told = f"{building:.1f} s, {preparing:.1f} s, {peak():.0f} MB"
         print(f"  {relief:g} um: {size} degrees of freedom, {told}", file=sys.stderr, flush=True)
@@ -109,35 +109,38 @@ def measured(model: str, options: argparse.Namespace):
                 "dofs": size,
                 "processor_s": taken,
             }
-            row |= shown(pair, orbit, gauges, scene.sweep.orders)
+            if looked is not None:
+                row |= shown(looked, pair, orbit, scene.sweep.orders)
             print(f"    {speed:g} rad/s: {row}", file=sys.stderr, flush=True)
             yield {f"{name} {model} {relief:g} {speed:g}": row}
 
 
-def gauges_on(scene) -> dict[str, Any]:
-    """Nodes of the wheel that are looked at along the axis, by the name of their number."""
-    from jaxgear.study._moving_body import moving_bodies
+def looked_at(built, pair) -> Any:
+    """The wheel with probes along its axis: at the end of its rim, and in the middle of its web."""
+    import dataclasses
+
+    from jaxgear.study._body_waves import wave_watch
     from jaxgear.study._probes import probe_at
 
-    body = moving_bodies(scene.bodies, scene.gears)["wheel"]
-    web, end = scene.wheel.body.web, float(body.built.body.rim_nodes[:, 2].min())
+    found = wave_watch(built, pair).looked["wheel"]
+    body, web = found.body, built.scene.wheel.body.web
+    end = float(body.built.body.rim_nodes[:, 2].min())
     middle = 0.25e-3 * (web.hub_outer_mm + web.rim_inner_mm)
     between = math.pi / web.holes if web.holes else 0.0
     places = {"rim_um": (body.radius, 0.0, end), "web_um": (middle, between, 0.0)}
-    return {x: probe_at(body, at, 2, turns=True, name=x) for x, at in places.items()}
+    probes = tuple(probe_at(body, at, 2, turns=True, name=x) for x, at in places.items())
+    return dataclasses.replace(found, probes=probes)
 
 
-def shown(pair, orbit, gauges: dict[str, Any], orders: int) -> dict[str, float]:
-    """RMS of what such nodes do above half the order of the teeth [um]."""
-    from jaxgear._response._body_motion import body_motion
+def shown(looked, pair, orbit, orders: int) -> dict[str, float]:
+    """RMS of what such probes do above half the order of the teeth [um]."""
+    import jaxgear as jg
     from jaxgear._response._waves import order_sums
 
-    if not gauges:
-        return {}
-    motion = body_motion(pair, orbit, 1)
-    span = [0.5 * motion.teeth, (orders + 0.5) * motion.teeth]
-    sums = {name: order_sums(each.spectrum(motion), span)[0] for name, each in gauges.items()}
-    return {name: 1e6 * float(each) for name, each in sums.items()}
+    spectra = looked.probe_spectra(pair, orbit, jg.ExactContact(), orders)
+    span = [looked.low, (orders + 0.5) * looked.body.teeth]
+    named = zip(looked.probes, spectra, strict=True)
+    return {probe.name: 1e6 * float(order_sums(each, span)[0]) for probe, each in named}
 
 
 def on_processor(work) -> tuple[Any, float]:

@@ -4,6 +4,8 @@ import functools
 import math
 from dataclasses import dataclass
 
+import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 import scipy.linalg
 import scipy.sparse
@@ -13,80 +15,8 @@ from jaxgear._dynamics._bodies import BodyPlace
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._geometry._pair import GearPair
+from jaxgear._response._spectrum import SAME_ORDER, Spectrum, fitted_harmonics
 from jaxgear._system._body_modes import turning_of_waves
-
-# Harmonics are fitted up to where the longest step is this part of their period: two are the least
-# that tell a harmonic at all.
-RESOLVED = 0.4
-
-
-@dataclass(frozen=True)
-class Spectrum:
-    r"""Something real by orders of a gear's rotation: $\Re\sum_o a_o e^{io\psi}$.
-
-    **Fields:**
-
-    - `order`: $o$, not negative, rising, shape `[order]` [-].
-    - `amplitude`: $a_o$, complex, peak, shape `[order, ...]` [unit of what it is].
-    """
-
-    order: np.ndarray
-    amplitude: np.ndarray
-
-    @property
-    def size(self) -> np.ndarray:
-        """Peak amplitudes; of order 0 the mean without its sign."""
-        return np.abs(self.amplitude)
-
-    @property
-    def mean_square(self) -> np.ndarray:
-        """Mean square about the mean, by Parseval [square of the unit]."""
-        square = np.where(self._over(0.0), self.size, 0.0) ** 2
-        return np.asarray(0.5 * np.sum(square, axis=0))
-
-    def at(self, angle: np.ndarray) -> np.ndarray:
-        """Values where the gear has turned by so much since the cycle began.
-
-        **Arguments:**
-
-        - `angle`: $\\psi$, positive, shape `[step]` [rad].
-
-        **Returns:**
-
-        Shape `[step, ...]`.
-        """
-        moved = np.flatnonzero(np.abs(self.amplitude).reshape(len(self.order), -1).any(axis=1))
-        turned = np.exp(1j * np.multiply.outer(np.asarray(angle), self.order[moved]))
-        return np.real(np.tensordot(turned, self.amplitude[moved], axes=1))
-
-    def near(self, order: float | int) -> np.ndarray:
-        """Amplitude at one order, zero where there is none; as `amplitude`, without its first axis.
-
-        **Arguments:**
-
-        - `order`: wanted [-].
-        """
-        found = np.flatnonzero(np.abs(self.order - order) < SAME_ORDER)
-        return np.asarray(self.amplitude[found].sum(axis=0))
-
-    def strongest(self, low: float = 0.0, high: float = math.inf) -> float:
-        """The order of the largest amplitude, of the largest entry if there are several [-].
-
-        **Arguments:**
-
-        - `low`, `high`: orders above the first and up to the second are considered [-].
-        """
-        size = self.size.reshape(len(self.order), -1).max(axis=1)
-        considered = (self.order > low + SAME_ORDER) & (self.order <= high + SAME_ORDER)
-        require(bool(considered.any()), "There is no order between {a:g} and {b:g}.", a=low, b=high)
-        return float(self.order[np.argmax(np.where(considered, size, -1.0))])
-
-    def _over(self, low: float) -> np.ndarray:
-        return (self.order > low + SAME_ORDER).reshape(-1, *[1] * (self.amplitude.ndim - 1))
-
-
-# Orders are multiples of one over the mesh periods of a cycle, of which there are some hundreds.
-SAME_ORDER = 1e-6
 
 
 @dataclass(frozen=True)
@@ -265,7 +195,7 @@ def body_motion(
     lengths = np.asarray(table.lengths)[: len(table.kinds) // table.periods]
     pair = dynamics.cycle.system.pair
     chosen = np.r_[list(place.seats), place.mode_dofs, place.residual_dofs]
-    amplitudes, turning = _by_parts(place, _harmonics(whole[:, chosen], lengths, harmonics))
+    amplitudes, turning = _by_parts(place, fitted_harmonics(whole[:, chosen], lengths, harmonics))
     return BodyMotion(
         amplitudes=amplitudes,
         turning=turning,
@@ -274,6 +204,31 @@ def body_motion(
         speed=place.speed * float(orbit.speed),
         angle=start_angle(pair, index) if angle is None else angle,
     )
+
+
+def beyond_rest(dynamics: PairDynamics, orbit: Orbit) -> Orbit:
+    r"""A response whose modes and residual shapes do only what they do not do at rest.
+
+    Of each of these $q$ what is left is $q - f/\omega^2$, with the load $f$ that acts on it at that
+    moment. The part at rest is that of the body as a whole, which its static answers have without
+    any choice of modes: mode acceleration (Craig and Kurdila 2006, 18.5; theory 8.16).
+
+    **Arguments:**
+
+    - `dynamics`: the pair.
+    - `orbit`: its response.
+
+    **Returns:**
+
+    The response.
+    """
+    system, give = dynamics.system, jnp.zeros(max(dynamics.dofs) + 1)
+    for body in dynamics.bodies:
+        give = give.at[body.mode_dofs].set(1.0 / body.square)
+        give = give.at[body.residual_dofs].set(1.0 / body.residual)
+    load = system.load_at(orbit.speed) - orbit.load @ system.vectors.T
+    motion = orbit.motion - load * give[np.asarray(dynamics.dofs)]
+    return eqx.tree_at(lambda each: each.motion, orbit, motion)
 
 
 def _by_parts(place: BodyPlace, found: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -289,46 +244,6 @@ def _by_parts(place: BodyPlace, found: np.ndarray) -> tuple[np.ndarray, np.ndarr
     amplitudes = np.concatenate([found[:, :size], parts.reshape(len(found), -1)], axis=1)
     pairs = np.kron(np.repeat(waves, residual.shape[1]), np.array([1, -1]))
     return amplitudes, np.asarray(scipy.linalg.block_diag(turning, turning_of_waves(pairs)))
-
-
-def _harmonics(values: np.ndarray, lengths: np.ndarray, most: int | None) -> np.ndarray:
-    """Complex amplitudes that fit values in the middles of steps, `[step, c]` to `[harmonic, c]`.
-
-    Steps repeat their lengths in each of the mesh periods. From one period to the next a harmonic
-    turns by a phase of its own: those of one phase are fitted together, by the same matrix.
-    """
-    middles = np.cumsum(lengths) - 0.5 * lengths
-    limit = 0.5 / float(lengths.max())
-    count = max(1, int(RESOLVED / float(lengths.max()))) if most is None else most
-    require(
-        1 <= count < limit,
-        "The time steps resolve fewer than {limit:.4g} harmonics of the mesh frequency, got "
-        "{got}: raise the number of steps, or ask for fewer.",
-        limit=limit,
-        got=count,
-    )
-    periods = len(values) // len(lengths)
-    series = values.reshape(periods, len(lengths), -1)
-    phases = np.fft.fft(series, axis=0, norm="forward")
-    weight = np.sqrt(lengths)[:, None]
-    numbers = np.arange(-count, count + 1)
-    fit = np.linalg.pinv(weight * np.exp(2j * np.pi * np.multiply.outer(middles, numbers)))
-    short = fit
-    if periods % 2 == 0:
-        own = weight * np.exp(2j * np.pi * np.multiply.outer(middles, numbers[:-1]))
-        short = np.linalg.pinv(own)
-    found = np.zeros((count * periods + (periods + 1) // 2, series.shape[2]), dtype=complex)
-    for residue in range(periods):
-        phase = residue if 2 * residue <= periods else residue - periods
-        back = np.exp(-2j * np.pi * phase * middles / periods)[:, None]
-        half = 2 * phase == periods
-        own = (short if half else fit) @ (weight * back * phases[residue])
-        harmonic = phase + periods * (numbers[:-1] if half else numbers)
-        kept = (harmonic >= 0) & (harmonic < len(found))
-        found[harmonic[kept]] = own[kept]
-    found[1:] *= 2.0
-    found[0] = np.real(found[0])
-    return found
 
 
 # --- Gauges that turn with the body

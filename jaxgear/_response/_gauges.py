@@ -6,6 +6,7 @@ after the other; the seats carry it along. So what it reads follows from the for
 the motion of the seats and these strains alone, and has derivatives by all that they depend on.
 """
 
+import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -25,6 +26,7 @@ from jaxgear._geometry._lines import ContactLines, MeshGrid
 from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._interface._roots import ROOT_POINTS, Axial, RimSurface, interface_map
+from jaxgear._response._body_motion import beyond_rest
 from jaxgear._response._dynamic import pressed_cells
 from jaxgear._solve._cycle import MeshCycle
 from jaxgear._system._body_modes import BodyBasis, wave_partners
@@ -52,8 +54,8 @@ class GaugeInfluences(eqx.Module):
         `[period, line]` [-].
     - `index`: 0 for the pinion, 1 for the wheel.
     - `components`: of the feet's loads that the body was put in mesh with.
-    - `modes`: per amplitude of the modes of a body in motion, shape `[gauge, mode]`; what they show
-        of feet, rotation and heat is then left out of these; or `None` [kg^-1/2, Pa kg^-1/2 / m].
+    - `modes`: per amplitude of the modes of a body in motion, shape `[gauge, mode]`, or `None`
+        [kg^-1/2, Pa kg^-1/2 / m].
     - `waves`: wave numbers of these modes.
     """
 
@@ -112,8 +114,6 @@ def gauge_influences(
         body.stiffness[np.ix_(inner, inner)], rows[:, inner].T, assume_a="pos", check_finite=False
     ).T
     by_seats = rows[:, seat] - solved @ body.stiffness[np.ix_(inner, seat)]
-    if basis is not None:
-        solved = solved - (rows @ basis.shapes / basis.square) @ basis.shapes[inner].T
     patches = root_patches(pair, index, grid, np.arange(gear.teeth), points=points, axial=axial)
     found = interface_map(RimSurface(body.rim_nodes, body.rim_faces), patches)
     by_feet = (found.rows @ solved[:, :rim].T).T
@@ -180,8 +180,8 @@ def moving_gauge_readings(
 ) -> tuple[Array, Array]:
     """What gauges that turn with a body read over a revolution in a steady response.
 
-    In the middle of each step. What the modes show of the body they show with its inertia, what
-    they leave out follows the forces of the cells, rotation and heat at once.
+    In the middle of each step. All of the body follows the forces of the cells, rotation and heat
+    at once, and modes add what they do beyond that (mode acceleration, theory 8.16).
 
     **Arguments:**
 
@@ -199,10 +199,42 @@ def moving_gauge_readings(
     (body,) = (each for each in dynamics.bodies if each.index == gauges.index)
     force = pressed_cells(system, orbit, law, MIDDLE).force[:, : lines.roll[0].size]
     whole = jnp.zeros((len(orbit.motion), max(dynamics.dofs) + 1))
-    whole = whole.at[:, np.asarray(dynamics.dofs)].set(orbit.motion)
+    whole = whole.at[:, np.asarray(dynamics.dofs)].set(beyond_rest(dynamics, orbit).motion)
     modes = whole[:, body.mode_dofs]
     borne = _Borne(force, whole[:, np.asarray(body.seats)], modes)
     return _over_revolution(gauges, dynamics.cycle.system.pair, lines, borne, orbit.speed, strain)
+
+
+@compiled
+def rest_readings(
+    gauges: GaugeInfluences,
+    dynamics: PairDynamics,
+    orbit: Orbit,
+    law: AbstractContactLaw,
+    periods: int,
+) -> tuple[Array, Array]:
+    """What gauges that turn with a body read of the forces of a response alone, as if at rest.
+
+    The seats held, without rotation and heat, in the middle of each step.
+
+    **Arguments:**
+
+    - `gauges`: of the body.
+    - `dynamics`, `orbit`, `law`: as of `moving_gauge_readings`.
+    - `periods`: mesh periods that are read, from the first.
+
+    **Returns:**
+
+    As of `gauge_readings`; phases are the steps of so many mesh periods.
+    """
+    lines = dynamics.cycle.cells.lines
+    force = pressed_cells(dynamics.system, orbit, law, MIDDLE).force[:, : lines.roll[0].size]
+    pair, none = dynamics.cycle.system.pair, jnp.zeros((len(force), gauges.seats.shape[1]))
+    alone = dataclasses.replace(
+        gauges, rotation=jnp.zeros_like(gauges.rotation), heat=jnp.zeros_like(gauges.heat)
+    )
+    borne = _Borne(force, none, None)
+    return _over_revolution(alone, pair, lines, borne, orbit.speed, None, periods)
 
 
 class _Borne(NamedTuple):
@@ -220,8 +252,12 @@ def _over_revolution(
     borne: _Borne,
     speed: Scalar,
     strain: Reals | None,
+    read: int | None = None,
 ) -> tuple[Array, Array]:
-    """Readings tooth by tooth, of one cycle or several on the same lines; see `gauge_readings`."""
+    """Readings tooth by tooth, of one cycle or several on the same lines; see `gauge_readings`.
+
+    Of so many mesh periods; by default those of a revolution.
+    """
     times = len(borne.force) // len(lines.phase)
     periods, phases = lines.periods * times, lines.roll.shape[0] // lines.periods
     teeth = len(gauges.angles)
@@ -251,8 +287,9 @@ def _over_revolution(
             found += _modes_back(apart(borne.modes)[place], turn, gauges) @ gauges.modes.T
         return found + grown[None, :], turn
 
-    found, angle = jax.lax.map(of_period, (jnp.arange(teeth), gauges.lines))
-    return found.reshape(teeth * phases, -1), angle.ravel()
+    number = jnp.arange(teeth if read is None else read)
+    found, angle = jax.lax.map(of_period, (number, gauges.lines[number % teeth]))
+    return found.reshape(len(number) * phases, -1), angle.ravel()
 
 
 def _modes_back(modes: Array, angle: Array, gauges: GaugeInfluences) -> Array:

@@ -21,7 +21,8 @@ import numpy as np
 import scipy.sparse
 
 from jaxgear._checks import require
-from jaxgear._response._body_motion import RESOLVED, SAME_ORDER, BodyMotion, Spectrum
+from jaxgear._response._body_motion import BodyMotion
+from jaxgear._response._spectrum import RESOLVED, SAME_ORDER, Spectrum
 
 DIRECTIONS = ("radial", "tangential", "axial")
 
@@ -197,6 +198,27 @@ def fixed_spectrum(motion: BodyMotion, circle: Circle, angle: float) -> Spectrum
     where = np.exp(1j * around * (angle - motion.angle))[:, None]
     number = motion.numbers((wave + around)[:, None]).T.ravel()
     return motion.collected(number, (own * where).reshape(-1, own.shape[2]))
+
+
+def seen_passing(
+    angles: np.ndarray, angle: float, readings: np.ndarray, turn: np.ndarray
+) -> np.ndarray:
+    """What stands still and looks at a circle of nodes shows of what these read.
+
+    **Arguments:**
+
+    - `angles`: of the nodes about Z, from the body's x, shape `[node]` [rad].
+    - `angle`: of what stands still, from S [rad].
+    - `readings`: of the nodes, in their own directions, shape `[step, node, ...]`.
+    - `turn`: of the body's x from S, shape `[step]` [rad].
+
+    **Returns:**
+
+    Shape `[step, ...]`.
+    """
+    around = circle_around(angles, np.moveaxis(readings, 1, 0))
+    waves = np.exp(1j * np.multiply.outer(around.number, angle - turn))
+    return np.real(np.einsum("np,np...->p...", waves, around.rows))
 
 
 # --- Waves that travel around the body

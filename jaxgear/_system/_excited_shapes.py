@@ -33,7 +33,7 @@ CANDIDATES = 6
 # largest mesh force by 0.01 %. Those of modes beyond the candidates hardly move the flanks, but the
 # rim's end: without them it is up to 2.5 % off. They are apart, for 12 of all modes would mix what
 # has inertia with what has none: of the power wheel the largest mesh force then is 1 % off, so 0.8.
-_RESIDUAL, _BEYOND = 20, 4
+_RESIDUAL, _BEYOND = 12, 4
 
 # Motion of the seats as part of what the modes give: bearings give less than a thin web. With ten
 # times as much the largest mesh force of the accessory pair changes by 0.1 %.

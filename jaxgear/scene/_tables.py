@@ -121,13 +121,13 @@ class ModelKeys(AbstractKeys):
     )
     shapes: Literal["natural", "excited"] = key(
         "which these are; natural: the lowest natural modes, seats held; excited: a quarter are "
-        "these, the others those combinations of higher ones that the mesh excites most, and 24 "
+        "these, the others those combinations of higher ones that the mesh excites most, and 16 "
         "more give what all others give at rest; unless said natural for helical teeth where holes "
         "pass by, so that no two stand alike",
         default="excited",
     )
     mesh_coordinates: int | None = key(
-        "combinations of these that the mesh tells apart; 8 unless said, of helical teeth 20, on "
+        "combinations of these that the mesh tells apart; 8 unless said, of helical teeth 16, on "
         "two condensed bodies 24; where a cycle has many mesh periods 16 and 28, of natural modes "
         "16 and 56",
         "[4, 100]",
@@ -154,7 +154,7 @@ class ModelKeys(AbstractKeys):
         if self.mesh_coordinates is not None:
             return self.mesh_coordinates
         if periods == 1:
-            return (24 if bodies > 1 else 20) if helix else 8
+            return (24 if bodies > 1 else 16) if helix else 8
         return (56 if self.shapes == "natural" else 28) if helix else 16
 
     fidelity: Literal["as given", "auto"] = key(

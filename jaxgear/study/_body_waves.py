@@ -1,16 +1,22 @@
 """Looking at condensed bodies while a scene is swept: their waves, probes and flanks."""
 
 import dataclasses
+import functools
+import math
+from collections.abc import Callable
 from typing import NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._sweep_types import Direction, SweepPoint, Ways
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._interface._laws import AbstractContactLaw
-from jaxgear._response._body_motion import body_motion, start_angle
+from jaxgear._response._body_motion import beyond_rest, body_motion, start_angle
 from jaxgear._response._flank_loads import FlankLoads, LargestLoad, flank_loads
+from jaxgear._response._gauges import GaugeInfluences, gauge_influences, rest_readings
+from jaxgear._response._spectrum import Spectrum, joined_spectra, spectrum_of_steps
 from jaxgear._response._wave_words import BENT
 from jaxgear._response._waves import (
     BodyMotion,
@@ -61,6 +67,7 @@ class Looked:
     - `probes`: of the scene.
     - `gauges`: of the scene, by seats and modes.
     - `angle`: of the body's x from S where the cycle begins [rad].
+    - `read`: what loads on the teeth do to the body, by rows of its coordinates.
     """
 
     body: MovingBody
@@ -68,6 +75,7 @@ class Looked:
     probes: tuple[Probe, ...]
     gauges: tuple[Gauge, ...]
     angle: float
+    read: Callable[[np.ndarray], GaugeInfluences]
 
     @property
     def most(self) -> int:
@@ -84,6 +92,41 @@ class Looked:
         motion = body_motion(pair, orbit, self.body.index, angle=self.angle)
         count = min(len(motion.amplitudes), orders * motion.periods + 1)
         return dataclasses.replace(motion, amplitudes=motion.amplitudes[:count])
+
+    @functools.cached_property
+    def _influences(self) -> list[GaugeInfluences]:
+        """What the nodes of each probe read of loads on the teeth."""
+        every = self.read(np.concatenate([probe.coordinates for probe in self.probes]))
+        ends = np.cumsum([len(probe.coordinates) for probe in self.probes])[:-1]
+        names = "feet", "seats", "rotation", "heat"
+        parts = zip(*(np.split(np.asarray(getattr(every, x)), ends) for x in names), strict=True)
+        return [
+            dataclasses.replace(
+                every, **{x: jnp.asarray(own) for x, own in zip(names, each, strict=True)}
+            )
+            for each in parts
+        ]
+
+    def probe_spectra(
+        self, pair: PairDynamics, orbit: Orbit, law: AbstractContactLaw, orders: int
+    ) -> tuple[Spectrum, ...]:
+        """What its probes show of a response, without what is beyond so many mesh orders [m].
+
+        Shapes show what the body does beyond what its loads give at rest, its teeth the rest.
+        """
+        motion = body_motion(pair, beyond_rest(pair, orbit), self.body.index, angle=self.angle)
+        table, teeth, found = pair.system.table, self.body.teeth, []
+        lengths = np.asarray(table.lengths)[: len(table.kinds) // table.periods]
+        for probe, influences in zip(self.probes, self._influences, strict=True):
+            # What stands still sees the same in every cycle, what turns in every revolution.
+            periods = math.lcm(motion.periods, teeth if probe.turns else 1)
+            readings, turn = rest_readings(influences, pair, orbit, law, periods)
+            own = probe.shown(np.asarray(readings), np.asarray(turn))
+            still = spectrum_of_steps(own, lengths, teeth)
+            whole = joined_spectra(probe.spectrum(motion), still)
+            kept = whole.order <= (orders + 0.5) * teeth
+            found.append(Spectrum(whole.order[kept], whole.amplitude[kept]))
+        return tuple(found)
 
     def waves(self, motion: BodyMotion) -> Waves:
         """Waves that travel around the rim."""
@@ -126,11 +169,13 @@ class Peak(NamedTuple):
     - `rank`: whether it settled, and its dynamic ratio [-].
     - `speed`: of the pinion [rad/s].
     - `motions`: of each gear's body.
+    - `probes`: what those of each gear show.
     """
 
     rank: tuple[bool, float]
     speed: float
     motions: dict[str, BodyMotion]
+    probes: dict[str, tuple[Spectrum, ...]]
 
 
 @dataclasses.dataclass
@@ -167,13 +212,17 @@ class WaveWatch:
             gear: each.motion(self.pair, point.orbit, self.orders)
             for gear, each in self.looked.items()
         }
+        probes = {
+            gear: each.probe_spectra(self.pair, point.orbit, self.law, self.orders)
+            for gear, each in self.looked.items()
+        }
         speed, rank = float(point.orbit.speed), (point.settled, ratio)
         loads = flank_loads(self.pair, point.orbit, self.law)
-        seen = self.look(loads.largest, motions)
+        seen = self.look(loads.largest, motions, probes)
         for way in ways:
             shown = self.loads.setdefault(way, {})
             if way not in self.peak or rank > self.peak[way].rank:
-                self.peak[way] = Peak(rank, speed, motions)
+                self.peak[way] = Peak(rank, speed, motions, probes)
                 shown["peak"] = loads
             if speed <= shown.get("lowest", loads).speed:
                 shown["lowest"] = loads
@@ -181,13 +230,18 @@ class WaveWatch:
                 shown["highest"] = loads
             self.seen.setdefault(way, {})[speed] = seen
 
-    def look(self, flank: LargestLoad, motions: dict[str, BodyMotion]) -> Seen:
-        """What the bodies show in some motion; only what the mesh drives, by its orders."""
+    def look(
+        self,
+        flank: LargestLoad,
+        motions: dict[str, BodyMotion],
+        spectra: dict[str, tuple[Spectrum, ...]],
+    ) -> Seen:
+        """What the bodies and their probes show; only what the mesh drives, by its orders."""
         waves, probes = {}, {}
         for gear, each in self.looked.items():
-            own, high = motions[gear], [each.low, np.inf]
-            waves[gear] = each.waves(own).by_diameter(each.most, each.low)
-            probes[gear] = np.array([order_sums(p.spectrum(own), high)[0] for p in each.probes])
+            waves[gear] = each.waves(motions[gear]).by_diameter(each.most, each.low)
+            high = [each.low, np.inf]
+            probes[gear] = np.array([order_sums(shown, high)[0] for shown in spectra[gear]])
         return Seen(flank, waves, probes)
 
 
@@ -207,5 +261,23 @@ def wave_watch(built: BuiltScene, pair: PairDynamics) -> WaveWatch:
         heated, warm = scene.bodies[gear].heated, scene.gear(gear).body.temperature
         gauges = gauges_of(scene.gauges, scene.condensed, gear, body.built, heated)
         gauges = tuple(each.on(body, warm, grows=scene.sweep.centrifugal) for each in gauges)
-        looked[gear] = Looked(body, rim, probes, gauges, angle)
+        looked[gear] = Looked(
+            body, rim, probes, gauges, angle, functools.partial(_read, built, body)
+        )
     return WaveWatch(pair, looked, max(1, scene.sweep.orders), built.law)
+
+
+def _read(built: BuiltScene, body: MovingBody, rows: np.ndarray) -> GaugeInfluences:
+    """What loads on the teeth do to a body at rest, by rows of its coordinates."""
+    mesh, flexible = built.scene.mesh, built.scene.bodies[body.gear].flexible
+    return gauge_influences(
+        body.built.body,
+        rows,
+        np.zeros(len(rows)),
+        built.model.pair,
+        body.index,
+        built.grid_in_motion,
+        components=flexible.components,
+        points=mesh.root_points,
+        axial=mesh.connection,
+    )

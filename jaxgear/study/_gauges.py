@@ -11,14 +11,15 @@ from fem_prep import HeatedBody, StressRows, heat_stress
 from jaxgear._checks import require
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
-from jaxgear._response._body_motion import BodyMotion, Spectrum, rotating_spectrum
+from jaxgear._response._body_motion import BodyMotion, rotating_spectrum
 from jaxgear._response._gauges import (
     GaugeInfluences,
     direction_rows,
     gauge_influences,
     gauge_readings,
 )
-from jaxgear._response._waves import DIRECTIONS, circle_around, fixed_spectrum
+from jaxgear._response._spectrum import Spectrum
+from jaxgear._response._waves import DIRECTIONS, circle_around, fixed_spectrum, seen_passing
 from jaxgear._system._body_modes import BodyBasis
 from jaxgear._units import MPa, deg, mm
 from jaxgear.scene._body_build import BuiltBody
@@ -123,9 +124,7 @@ class Gauge:
         """
         if self.turns:
             return readings[:, 0]
-        around = circle_around(self.places[:, 1], np.moveaxis(readings, 1, 0))
-        waves = np.exp(1j * np.multiply.outer(around.number, self.angle - turn))
-        return np.real(np.einsum("np,npk->pk", waves, around.rows))
+        return seen_passing(self.places[:, 1], self.angle, readings, turn)
 
 
 def gauges_of(

@@ -122,13 +122,17 @@ class MovingBody:
         are coordinates of the condensed body; all others follow by its grid, which is then
         factorised again.
         """
-        motions, body = self.motions, self.built.body
-        rim = self._rim[chosen]
-        count = 3 * len(body.rim_nodes)
-        result = motions[:count].reshape(-1, 3, motions.shape[1])[rim]
-        inside = np.flatnonzero(rim < 0)
+        return self.coordinate_rows(chosen) @ self.motions
+
+    def coordinate_rows(self, chosen: np.ndarray) -> np.ndarray:
+        """The same per coordinate of the condensed body, shape `[node, 3, dof]` [-, m]."""
+        body, rim = self.built.body, self._rim[chosen]
+        result = np.zeros((len(chosen), 3, body.dofs))
+        outside, inside = np.flatnonzero(rim >= 0), np.flatnonzero(rim < 0)
+        for way in range(3):
+            result[outside, way, 3 * rim[outside] + way] = 1.0
         if inside.size:
-            result[inside] = fem_prep.displacement_rows(self._held, body, chosen[inside]) @ motions
+            result[inside] = fem_prep.displacement_rows(self._held, body, chosen[inside])
         return result
 
     def field(self, motions: np.ndarray) -> np.ndarray:

@@ -9,13 +9,15 @@ import numpy as np
 from fem_prep import ReducedBody
 from jaxgear._checks import require
 from jaxgear._response._body_motion import rotating_spectrum
+from jaxgear._response._spectrum import Spectrum
 from jaxgear._response._waves import (
     DIRECTIONS,
     BodyMotion,
     Circle,
-    Spectrum,
     along_directions,
+    circle_of,
     fixed_spectrum,
+    seen_passing,
 )
 from jaxgear._units import deg, mm
 from jaxgear.scene._tables import GaugeKeys, ProbeKeys
@@ -42,6 +44,9 @@ class Probe:
     - `circle`: that a fixed probe looks at, or None.
     - `angle`: of a fixed probe about Z, from S [rad].
     - `place`: radius, angle and height of the node or the circle [m, rad, m].
+    - `angles`: of its node or those of its circle, about Z from the body's x, `[node]` [rad].
+    - `coordinates`: what it reads of each per coordinate of the condensed body, `[node, dof]`
+        [-, m].
     """
 
     name: str
@@ -51,6 +56,8 @@ class Probe:
     circle: Circle | None
     angle: float
     place: tuple[float, float, float]
+    angles: np.ndarray
+    coordinates: np.ndarray
 
     @property
     def turns(self) -> bool:
@@ -64,6 +71,12 @@ class Probe:
             return rotating_spectrum(motion, self.rows)
         found = fixed_spectrum(motion, self.circle, self.angle)
         return Spectrum(found.order, found.amplitude[:, self.direction])
+
+    def shown(self, readings: np.ndarray, turn: np.ndarray) -> np.ndarray:
+        """What it shows of what its nodes do, as of `Gauge.shown`; of `[step, node]`, `[step]`."""
+        if self.turns:
+            return readings[:, 0]
+        return seen_passing(self.angles, self.angle, readings, turn)
 
 
 def probes_of(
@@ -133,17 +146,19 @@ def _condensed_probe(
     )
     number = known.index(node)
     place = body.built.body.probe_points[number]
-    rows = (body.built.body.probe_rows[number] @ body.motions)[None]
+    rows = body.built.body.probe_rows[number][None]
     return _gauge(name, body, direction, place, rows)
 
 
 def _gauge(
     name: str, body: MovingBody, direction: int, place: np.ndarray, rows: np.ndarray
 ) -> Probe:
-    """What turns with a body, of rows along x, y, z of it."""
+    """What turns with a body, of rows along x, y, z per coordinate of it."""
     where = _where(place)
-    found = along_directions(np.array([where[1]]), rows)[0, direction]
-    return Probe(name, body.gear, direction, found, None, 0.0, where)
+    angles = np.array([where[1]])
+    found = along_directions(angles, rows)[:, direction]
+    shown = found[0] @ body.motions
+    return Probe(name, body.gear, direction, shown, None, 0.0, where, angles, found)
 
 
 def _where(place: np.ndarray) -> tuple[float, float, float]:
@@ -171,13 +186,16 @@ def probe_at(
     """
     at = nodes_at(body.built.body, body.gear, place, turns=turns, key=key)
     where = _where(body.nodes[at[0]])
+    rows = body.coordinate_rows(at)
     if turns:
-        return _gauge(name, body, direction, body.nodes[at[0]], body.rows(at))
+        return _gauge(name, body, direction, body.nodes[at[0]], rows)
+    angles = angle_of(body.nodes[at])
     try:
-        circle = body.circle(at)
+        circle = circle_of(angles, rows @ body.motions)
     except ValueError as error:
         raise type(error)(f"{key}: a fixed probe sees a circle of nodes pass. {error}") from None
-    return Probe(name, body.gear, direction, None, circle, place[1], (where[0], place[1], where[2]))
+    own, looks = along_directions(angles, rows)[:, direction], (where[0], place[1], where[2])
+    return Probe(name, body.gear, direction, None, circle, place[1], looks, angles, own)
 
 
 def nodes_at(

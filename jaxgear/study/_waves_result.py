@@ -1,13 +1,14 @@
 """What a sweep shows of condensed bodies: waves, flanks and shapes as datasets, and a summary."""
 
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 
+from jaxgear._response._spectrum import Spectrum
 from jaxgear._response._wave_words import wave_words
 from jaxgear._response._waves import DIRECTIONS, BodyMotion
 from jaxgear._units import deg, mm, um
@@ -85,7 +86,7 @@ def waves_dataset(watch: WaveWatch, sweep: Sweep) -> xr.Dataset:
     }
     for gear, each in watch.looked.items():
         entries |= _over_speeds(gear, each, seen)
-        entries |= _at_peak(gear, each, peak.motions[gear])
+        entries |= _at_peak(gear, each, peak.motions[gear], peak.probes[gear])
     entries |= largest_loads(seen)
     return dataset_of(entries).assign_attrs(
         peak_speed_rad_s=peak.speed,
@@ -110,8 +111,9 @@ def _over_speeds(gear: str, each: Looked, seen: list[list[Seen]]) -> Mapping[str
     }
 
 
-def _at_peak(gear: str, each: Looked, motion: BodyMotion) -> Mapping[str, Entry]:
-    spectra = [probe.spectrum(motion) for probe in each.probes]
+def _at_peak(
+    gear: str, each: Looked, motion: BodyMotion, spectra: Sequence[Spectrum]
+) -> Mapping[str, Entry]:
     order = np.unique(np.concatenate([spectrum.order for spectrum in spectra]))
     shown = np.zeros((len(spectra), len(order)))
     for row, spectrum in zip(shown, spectra, strict=True):

@@ -337,7 +337,7 @@ def test_leaning_teeth_tell_more_motions_of_a_body_apart(write):
     )
     assert traced.shape == (8,), "it does not change while derivatives are taken"
     lean = read_scene(write(_LEAST + _CONDENSED), ["pair.helix_angle_deg=-8.0"])
-    assert lean.at_mesh == 20
+    assert lean.at_mesh == 16
     assert lean.replace({"mesh.periods": 3}).at_mesh == 28
     assert scene.replace({"mesh.periods": 3}).at_mesh == 16
     assert lean.replace({"model.mesh_coordinates": 9}).at_mesh == 9

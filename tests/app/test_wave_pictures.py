@@ -119,12 +119,13 @@ def found(scene, watch, motion):
     """What is said of a sweep of two speeds, of which the first was the higher."""
     whole = {"wheel": motion}
     loads = made_loads(100.0)
-    seen = watch.look(loads.largest, whole)
+    shown = tuple(probe.spectrum(motion) for probe in watch.looked["wheel"].probes)
+    seen = watch.look(loads.largest, whole, {"wheel": shown})
     half = seen._replace(waves={name: 0.5 * each for name, each in seen.waves.items()})
     watch = dataclasses.replace(
         watch,
         seen={"up": {100.0: seen, 200.0: half}},
-        peak={"up": Peak((True, 1.0), 100.0, whole)},
+        peak={"up": Peak((True, 1.0), 100.0, whole, {"wheel": shown})},
         loads={"up": {"peak": loads}},
     )
     gears = SimpleNamespace(face_width=0.012)

@@ -8,7 +8,8 @@ import pytest
 import scipy.linalg
 from helpers import assert_close
 
-from jaxgear._response._body_motion import BodyMotion, _harmonics, rotating_spectrum
+from jaxgear._response._body_motion import BodyMotion, rotating_spectrum
+from jaxgear._response._spectrum import fitted_harmonics
 from jaxgear._response._waves import (
     circle_of,
     fixed_spectrum,
@@ -186,11 +187,11 @@ def test_harmonics_are_found_in_steps_of_two_lengths(periods):
     wanted = random.standard_normal((count + 1, 2)) + 1j * random.standard_normal((count + 1, 2))
     wanted[0] = wanted[0].real
     phase = np.exp(2j * np.pi * np.outer(time / periods, np.arange(count + 1)))
-    found = _harmonics(np.real(phase @ wanted), lengths, 5)
+    found = fitted_harmonics(np.real(phase @ wanted), lengths, 5)
     assert found.shape == wanted.shape
     assert_close(found, wanted, rtol=1e-9, atol=1e-10)
     with pytest.raises(ValueError, match=r"fewer than 11\.25 harmonics"):
-        _harmonics(np.real(phase @ wanted), lengths, 12)
+        fitted_harmonics(np.real(phase @ wanted), lengths, 12)
 
 
 def test_uneven_circles_tell_the_same_waves():
