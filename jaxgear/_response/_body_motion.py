@@ -226,8 +226,8 @@ def beyond_rest(dynamics: PairDynamics, orbit: Orbit) -> Orbit:
     for body in dynamics.bodies:
         give = give.at[body.mode_dofs].set(1.0 / body.square)
         give = give.at[body.residual_dofs].set(1.0 / body.residual)
-    load = system.load_at(orbit.speed) - orbit.load @ system.vectors.T
-    motion = orbit.motion - load * give[np.asarray(dynamics.dofs)]
+    load = system.load_at(orbit.speed)[None] - orbit.load @ system.vectors.T
+    motion = orbit.motion - load * give[None, np.asarray(dynamics.dofs)]
     return eqx.tree_at(lambda each: each.motion, orbit, motion)
 
 

@@ -41,7 +41,7 @@ class Moving:
     **Fields:**
 
     - `seats`: their motion, shape `[step, 6 seat]` [m, rad].
-    - `modes`: amplitudes, shape `[step, mode]` [m kg^1/2].
+    - `modes`: amplitudes beyond what their loads give at rest, shape `[step, mode]` [m kg^1/2].
     - `basis`: on which the body vibrates.
     """
 
@@ -49,20 +49,18 @@ class Moving:
     modes: np.ndarray
     basis: BodyBasis
 
-    def inertia(self, at: slice, load: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    def inertia(self, at: slice, turn: np.ndarray) -> np.ndarray:
         """Coordinates beyond the static answer to the loads, `[phase, dof]` [m, rad].
 
         **Arguments:**
 
         - `at`: which steps.
-        - `load`: on the coordinates at these, of the body's frame, shape `[phase, dof]` [N, N m].
         - `turn`: of the body's x from S, shape `[phase]` [rad].
         """
         partner, number = wave_partners(self.basis.waves)
         by, modes = np.multiply.outer(turn, np.asarray(number)), self.modes[at]
         own = np.cos(by) * modes + np.sin(by) * modes[:, partner]
-        still = load @ self.basis.shapes / self.basis.square
-        return (own - still) @ self.basis.shapes.T
+        return own @ self.basis.shapes.T
 
 
 class BodyUnderTeeth:
@@ -126,7 +124,6 @@ class BodyUnderTeeth:
         own_seats = still[:, own] if moving is None else moving.seats - by_heat[own]
         self._seat_motion, self._moving = own_seats, moving
         spun, warm = self.spin**2 * self.body.centrifugal_load, self.strain @ load
-        self._still_load = spun + warm
         self.rotation = self._follow(spun[None], by_rotation[None, own])[0]
         self.warmth = self._follow(warm[None], by_heat[None, own])[0]
 
@@ -183,7 +180,7 @@ class BodyUnderTeeth:
         motion = self._follow(load, _turned(self._seat_motion[at], -turn))
         inertia = np.zeros((1, self.body.dofs))
         if self._moving is not None:
-            inertia = self._moving.inertia(at, load + self._still_load, turn)
+            inertia = self._moving.inertia(at, turn)
         return PeriodMotion(motion, load, turn, found, np.asarray(weights), inertia)
 
     def against_seat(self, motion: np.ndarray) -> np.ndarray:

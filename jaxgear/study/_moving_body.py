@@ -14,6 +14,7 @@ from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._dynamics._table import MIDDLE
 from jaxgear._interface._laws import AbstractContactLaw
+from jaxgear._response._body_motion import beyond_rest
 from jaxgear._response._dynamic import pressed_cells
 from jaxgear._response._waves import BodyMotion, Circle, circle_of
 from jaxgear._solve._cycle import MeshCycle
@@ -212,9 +213,9 @@ def moving_bodies(
 
 
 def moving_in(pair: PairDynamics, orbit: Orbit, body: MovingBody) -> Moving:
-    """Seats and modes of a body in a steady response, step by step."""
+    """Seats, and modes beyond rest, of a body in a steady response, step by step."""
     place = next(each for each in pair.bodies if each.index == body.index)
-    motion = np.asarray(orbit.motion)
+    motion = np.asarray(beyond_rest(pair, orbit).motion)
     whole = np.zeros((len(motion), max(pair.dofs) + 1))
     whole[:, list(pair.dofs)] = motion
     return Moving(whole[:, list(place.seats)], whole[:, place.mode_dofs], body.basis)

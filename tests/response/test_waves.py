@@ -9,13 +9,19 @@ import scipy.linalg
 from helpers import assert_close
 
 from jaxgear._response._body_motion import BodyMotion, rotating_spectrum
-from jaxgear._response._spectrum import fitted_harmonics
+from jaxgear._response._spectrum import (
+    Spectrum,
+    fitted_harmonics,
+    joined_spectra,
+    spectrum_of_steps,
+)
 from jaxgear._response._waves import (
     circle_of,
     fixed_spectrum,
     joined_circles,
     joined_waves,
     order_sums,
+    seen_passing,
     waves_on_body,
 )
 
@@ -192,6 +198,36 @@ def test_harmonics_are_found_in_steps_of_two_lengths(periods):
     assert_close(found, wanted, rtol=1e-9, atol=1e-10)
     with pytest.raises(ValueError, match=r"fewer than 11\.25 harmonics"):
         fitted_harmonics(np.real(phase @ wanted), lengths, 12)
+
+
+def test_the_spectrum_of_steps_has_the_orders_of_the_gear():
+    """A gear of 12 teeth over 3 mesh periods: 5 cosines of order 8, of which 4 make a period."""
+    lengths = np.full(16, 1.0 / 16)
+    turn = (np.arange(3 * 16) + 0.5) / 16 / 12 * 2.0 * np.pi
+    values = np.stack([2.0 + 5.0 * np.cos(8.0 * turn), np.sin(12.0 * turn)], axis=1)
+    found = spectrum_of_steps(values, lengths, 12)
+    assert_close(found.near(8), np.array([5.0 + 0j, 0.0]), rtol=1e-12, atol=1e-12)
+    assert_close(found.near(12), np.array([0.0, -1j]), rtol=1e-12, atol=1e-12)
+    assert_close(found.near(0), np.array([2.0 + 0j, 0.0]), rtol=1e-12, atol=1e-12)
+    # Beside another one, that tells other orders too.
+    other = Spectrum(np.array([0.0, 1.0, 8.0 + 1e-13]), np.array([[1.0, 0], [3.0, 0], [1j, 0]]))
+    both = joined_spectra(other, found)
+    assert both.order.tolist() == sorted(set(both.order.tolist()))
+    assert len(both.order) == len(found.order) + 1
+    assert_close(both.near(8), np.array([5.0 + 1j, 0.0]), rtol=1e-12, atol=1e-12)
+    assert_close(both.near(1), np.array([3.0 + 0j, 0.0]), rtol=1e-12, atol=1e-12)
+
+
+def test_a_fixed_eye_sees_a_wave_pass():
+    """Nodes read cos(2 phi) while the body turns: from its place the eye sees it turn by."""
+    turn = np.linspace(0.0, 1.3, 9)
+    readings = np.tile(np.cos(2.0 * ANGLES), (9, 1))
+    assert_close(
+        seen_passing(ANGLES, 0.4, readings, turn),
+        np.cos(2.0 * (0.4 - turn)),
+        rtol=1e-12,
+        atol=1e-12,
+    )
 
 
 def test_uneven_circles_tell_the_same_waves():
