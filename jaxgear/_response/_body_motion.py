@@ -211,7 +211,7 @@ def beyond_rest(dynamics: PairDynamics, orbit: Orbit) -> Orbit:
 
     Of each of these $q$ what is left is $q - f/\omega^2$, with the load $f$ that acts on it at that
     moment. The part at rest is that of the body as a whole, which its static answers have without
-    any choice of modes: mode acceleration (Craig and Kurdila 2006, 18.5; theory 8.16).
+    any choice of modes: mode acceleration (Craig and Kurdila 2006; theory 11.7).
 
     **Arguments:**
 

@@ -181,7 +181,7 @@ def moving_gauge_readings(
     """What gauges that turn with a body read over a revolution in a steady response.
 
     In the middle of each step. All of the body follows the forces of the cells, rotation and heat
-    at once, and modes add what they do beyond that (mode acceleration, theory 8.16).
+    at once, and modes add what they do beyond that (mode acceleration, theory 11.7).
 
     **Arguments:**
 
