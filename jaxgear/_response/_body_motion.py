@@ -206,7 +206,7 @@ def body_motion(
     )
 
 
-def beyond_rest(dynamics: PairDynamics, orbit: Orbit) -> Orbit:
+def beyond_rest(dynamics: PairDynamics, orbit: Orbit, *, mesh_alone: bool = False) -> Orbit:
     r"""A response whose modes and residual shapes do only what they do not do at rest.
 
     Of each of these $q$ what is left is $q - f/\omega^2$, with the load $f$ that acts on it at that
@@ -217,6 +217,7 @@ def beyond_rest(dynamics: PairDynamics, orbit: Orbit) -> Orbit:
 
     - `dynamics`: the pair.
     - `orbit`: its response.
+    - `mesh_alone`: whether only loads of the mesh count, and not those of rotation and heat.
 
     **Returns:**
 
@@ -226,7 +227,9 @@ def beyond_rest(dynamics: PairDynamics, orbit: Orbit) -> Orbit:
     for body in dynamics.bodies:
         give = give.at[body.mode_dofs].set(1.0 / body.square)
         give = give.at[body.residual_dofs].set(1.0 / body.residual)
-    load = system.load_at(orbit.speed)[None] - orbit.load @ system.vectors.T
+    load = -orbit.load @ system.vectors.T
+    if not mesh_alone:
+        load += system.load_at(orbit.speed)[None]
     motion = orbit.motion - load * give[None, np.asarray(dynamics.dofs)]
     return eqx.tree_at(lambda each: each.motion, orbit, motion)
 

@@ -114,7 +114,9 @@ class Looked:
 
         Shapes show what the body does beyond what its loads give at rest, its teeth the rest.
         """
-        motion = body_motion(pair, beyond_rest(pair, orbit), self.body.index, angle=self.angle)
+        # Rotation and heat stand still on the body: its shapes show them.
+        beyond = beyond_rest(pair, orbit, mesh_alone=True)
+        motion = body_motion(pair, beyond, self.body.index, angle=self.angle)
         table, teeth, found = pair.system.table, self.body.teeth, []
         lengths = np.asarray(table.lengths)[: len(table.kinds) // table.periods]
         for probe, influences in zip(self.probes, self._influences, strict=True):
