@@ -17,7 +17,7 @@ from jaxgear.study._probes import probe_at
 from .energy import shares
 from .finding import Finding
 from .motion import Moving, moving, sweep
-from .travelling import crossings, rim_of
+from .travelling import by_shapes, crossings, rim_of
 
 um = 1e-6
 SPEEDS = np.arange(300.0, 3001.0, 20.0)
@@ -71,7 +71,8 @@ def spectra() -> Spectra:
     for at in range(len(SPEEDS)):
         motion = found.motion(at)
         # The first: radial, at the lower end of the rim, as the thesis's node.
-        seen, fixed = rim.gauges[0].spectrum(motion), rim.probes[0].spectrum(motion)
+        seen = by_shapes(rim.body, rim.gauges[0], motion)
+        fixed = by_shapes(rim.body, rim.probes[0], motion)
         node.append([float(np.abs(seen.near(teeth - n))) / um for n in DIAMETERS])
         probe.append(math.sqrt(float(fixed.mean_square)) / um)
     return found._replace(node=np.asarray(node), probe=np.asarray(probe))
@@ -143,7 +144,7 @@ def three_nodes() -> Finding:
     turn = np.linspace(0.0, 2.0 * np.pi, 4096, endpoint=False)
     for third in range(3):
         place = body.radius, third * 2.0 * math.pi / 3.0, height
-        whole = probe_at(body, place, 0, turns=True, name="").spectrum(motion)
+        whole = by_shapes(body, probe_at(body, place, 0, turns=True, name=""), motion)
         band = np.abs(whole.order - teeth) <= 8.0
         own = Spectrum(whole.order, np.where(band, whole.amplitude, 0.0))
         first = own if first is None else first

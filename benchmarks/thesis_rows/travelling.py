@@ -16,10 +16,11 @@ from jaxgear._dynamics._campbell import (
     modes_alone,
     turning_modes,
 )
-from jaxgear._response._body_motion import body_motion, start_angle
+from jaxgear._response._body_motion import BodyMotion, body_motion, start_angle
+from jaxgear._response._spectrum import Spectrum
 from jaxgear._response._waves import Circle, joined_circles, joined_waves, waves_on_body
-from jaxgear.study._moving_body import moving_bodies
-from jaxgear.study._probes import probe_at
+from jaxgear.study._moving_body import MovingBody, moving_bodies
+from jaxgear.study._probes import Probe, probe_at
 
 from .motion import (
     FAST,
@@ -87,6 +88,7 @@ def chosen(found: list[CriticalSpeed]) -> list[CriticalSpeed]:
 class Rim(NamedTuple):
     """What is looked at on a wheel's rim: circles, gauges and probes at its ends."""
 
+    body: MovingBody
     circle: Circle
     gauges: list
     probes: list
@@ -105,7 +107,12 @@ def rim_of(each: Moving) -> Rim:
         for way in (0, 2)
     ]
     circle = joined_circles(circles, min(most, 12))
-    return Rim(circle, seen(True), seen(False), start_angle(each.model.pair, 1))
+    return Rim(whole, circle, seen(True), seen(False), start_angle(each.model.pair, 1))
+
+
+def by_shapes(body: MovingBody, probe: Probe, motion: BodyMotion) -> Spectrum:
+    """What a probe shows of a motion of seats and shapes."""
+    return probe.spectrum(motion, probe.looking_at(probe.coordinates @ body.motions))
 
 
 def at_crossing(
@@ -135,11 +142,11 @@ def at_crossing(
     inside = tops.size > 0
     top = int(tops[np.argmin(np.abs(tops - middle))]) if inside else middle
     motion = motions[top]
-    spectra = [gauge.spectrum(motion) for gauge in rim.gauges]
+    spectra = [by_shapes(rim.body, gauge, motion) for gauge in rim.gauges]
     best = max(spectra, key=lambda x: float(np.abs(x.near(teeth - lobes))))
     by_order = float(np.abs(best.near(teeth - lobes)) / np.abs(best.near(teeth)))
     strongest, share = joined_waves(waves_on_body(motion, rim.circle)).strongest(teeth - lobes)
-    fixed = [probe.spectrum(motion) for probe in rim.probes]
+    fixed = [by_shapes(rim.body, probe, motion) for probe in rim.probes]
     still = max(fixed, key=lambda x: float(np.abs(x.near(teeth))))
     return Wave(
         diameters=lobes,

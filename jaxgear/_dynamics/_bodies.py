@@ -28,7 +28,7 @@ from jaxgear._system._pair_system import PairSystem
 from jaxgear._types import Scalar
 
 # Waves of at least so many nodal diameters turn with a body that has no terms of rotation.
-_TURNING = 2
+LEAST_TURNING = 2
 
 
 class BodyPlace(eqx.Module):
@@ -269,7 +269,7 @@ def turning_terms(
     for each in bodies:
         modes, at = each.modes, (each.dofs[:, None], each.dofs[None, :])
         seats, size, count = modes.seat_dofs, modes.size, modes.square.size
-        waves = np.r_[np.zeros(seats), np.asarray(modes.diameters) >= _TURNING]
+        waves = np.r_[np.zeros(seats), np.asarray(modes.diameters) >= LEAST_TURNING]
         # Residual shapes turn, as all of their waves do, and what they damp stays behind.
         alone = np.ones(len(modes.turning) - size)
         turns = jnp.asarray(np.concatenate([waves, np.zeros(size - waves.size), alone]))

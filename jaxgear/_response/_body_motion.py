@@ -29,8 +29,8 @@ class BodyMotion:
     **Fields:**
 
     - `amplitudes`: $a_m$, in coordinates that stand still in space, complex, shape
-        `[harmonic, coordinate]` [m, rad, m kg^1/2].
-    - `turning`: $J$ of the coordinates: how they change per turn of the body, shape
+        `[harmonic, coordinate]` [m, rad, m kg^1/2]; or those of several such motions, side by side.
+    - `turning`: $J$ of the coordinates of one: how they change per turn of the body, shape
         `[coordinate, coordinate]` [-].
     - `teeth`: $Z$ of the gear.
     - `periods`: $P$, mesh periods after which the response repeats.
@@ -86,6 +86,10 @@ class BodyMotion:
         The last are their amplitudes on the body where the cycle begins, `[harmonic, vector]`.
         """
         waves, vectors = waves_of_turning(self.turning)
+        motions = self.amplitudes.shape[1] // len(self.turning)
+        if motions > 1:
+            each = scipy.sparse.eye_array(motions)
+            waves, vectors = np.tile(waves, motions), scipy.sparse.kron(each, vectors, "csr")
         own = (self.amplitudes @ vectors.conj()) * np.exp(-1j * waves * self.angle)
         return waves, vectors, own
 
@@ -206,7 +210,7 @@ def body_motion(
     )
 
 
-def beyond_rest(dynamics: PairDynamics, orbit: Orbit, *, mesh_alone: bool = False) -> Orbit:
+def beyond_rest(dynamics: PairDynamics, orbit: Orbit) -> Orbit:
     r"""A response whose modes and residual shapes do only what they do not do at rest.
 
     Of each of these $q$ what is left is $q - f/\omega^2$, with the load $f$ that acts on it at that
@@ -217,7 +221,6 @@ def beyond_rest(dynamics: PairDynamics, orbit: Orbit, *, mesh_alone: bool = Fals
 
     - `dynamics`: the pair.
     - `orbit`: its response.
-    - `mesh_alone`: whether only loads of the mesh count, and not those of rotation and heat.
 
     **Returns:**
 
@@ -227,9 +230,7 @@ def beyond_rest(dynamics: PairDynamics, orbit: Orbit, *, mesh_alone: bool = Fals
     for body in dynamics.bodies:
         give = give.at[body.mode_dofs].set(1.0 / body.square)
         give = give.at[body.residual_dofs].set(1.0 / body.residual)
-    load = -orbit.load @ system.vectors.T
-    if not mesh_alone:
-        load += system.load_at(orbit.speed)[None]
+    load = system.load_at(orbit.speed)[None] - orbit.load @ system.vectors.T
     motion = orbit.motion - load * give[None, np.asarray(dynamics.dofs)]
     return eqx.tree_at(lambda each: each.motion, orbit, motion)
 

@@ -277,6 +277,24 @@ class PressedCells(NamedTuple):
     total: Series
 
 
+@compiled
+def forces_in_motion(dynamics: PairDynamics, orbit: Orbit, law: AbstractContactLaw) -> StepCells:
+    """Forces of the cells of the drive flanks in the middle of each step.
+
+    **Arguments:**
+
+    - `dynamics`: the pair.
+    - `orbit`: its response.
+    - `law`: with which it was found.
+
+    **Returns:**
+
+    The forces [N].
+    """
+    cells = dynamics.cycle.cells.lines.roll[0].size
+    return pressed_cells(dynamics.system, orbit, law, MIDDLE).force[:, :cells]
+
+
 def pressed_cells(
     system: DynamicSystem, orbit: Orbit, law: AbstractContactLaw, place: float
 ) -> PressedCells:

@@ -14,25 +14,24 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy
 from jaxtyping import Array
 
 from jaxgear._checks import require
 from jaxgear._compiled import compiled
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._system import PairDynamics
-from jaxgear._dynamics._table import MIDDLE
 from jaxgear._geometry._lines import ContactLines, MeshGrid
 from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._interface._roots import ROOT_POINTS, Axial, RimSurface, interface_map
 from jaxgear._response._body_motion import beyond_rest
-from jaxgear._response._dynamic import pressed_cells
+from jaxgear._response._dynamic import forces_in_motion
 from jaxgear._solve._cycle import MeshCycle
 from jaxgear._system._body_modes import BodyBasis, wave_partners
 from jaxgear._system._body_tables import root_patches, teeth_on_lines
 from jaxgear._system._condensed import Condensed
 from jaxgear._system._foot_tables import foot_weights
+from jaxgear._system._held_body import held_answers
 from jaxgear._types import Reals, Scalar
 
 
@@ -85,6 +84,7 @@ def gauge_influences(
     axial: Axial = "mortar",
     heat: tuple[np.ndarray, np.ndarray] | None = None,
     basis: BodyBasis | None = None,
+    answers: np.ndarray | None = None,
 ) -> GaugeInfluences:
     """Load a body by what its gauges read. Call it outside of `jit`, on concrete gears.
 
@@ -101,6 +101,7 @@ def gauge_influences(
     - `heat`: if the body may warm, what they read beside the coordinates, shape `[gauge, 2]`
         [-, Pa], and the load on these, `[2, dof]`, per free strain of hub and rim.
     - `basis`: on which the body vibrates, for `moving_gauge_readings`; none for its statics.
+    - `answers`: `held_answers` to the rows, if they are known already.
 
     **Returns:**
 
@@ -109,11 +110,8 @@ def gauge_influences(
     gear = (pair.pinion, pair.wheel)[index]
     rim, count = 3 * len(body.rim_nodes), 6 * len(body.seats)
     seat = np.arange(rim, rim + count)
-    inner = np.setdiff1d(np.arange(len(body.stiffness)), seat)
-    solved = scipy.linalg.solve(
-        body.stiffness[np.ix_(inner, inner)], rows[:, inner].T, assume_a="pos", check_finite=False
-    ).T
-    by_seats = rows[:, seat] - solved @ body.stiffness[np.ix_(inner, seat)]
+    solved = held_answers(body, rows) if answers is None else answers
+    by_seats = rows[:, seat] - solved @ body.stiffness[:, seat]
     patches = root_patches(pair, index, grid, np.arange(gear.teeth), points=points, axial=axial)
     found = interface_map(RimSurface(body.rim_nodes, body.rim_faces), patches)
     by_feet = (found.rows @ solved[:, :rim].T).T
@@ -125,8 +123,8 @@ def gauge_influences(
     return GaugeInfluences(
         feet=jnp.asarray(by_feet.reshape(len(rows), gear.teeth, slices, 6)),
         seats=jnp.asarray(by_seats),
-        rotation=jnp.asarray(rotation + solved @ body.centrifugal_load[inner]),
-        heat=jnp.asarray(shown + solved @ load[:, inner].T),
+        rotation=jnp.asarray(rotation + solved @ body.centrifugal_load),
+        heat=jnp.asarray(shown + solved @ load.T),
         angles=jnp.asarray(patches.angles.reshape(gear.teeth, slices)[:, 0]),
         centres=jnp.asarray(centres),
         lines=jnp.asarray(lines),
@@ -195,9 +193,9 @@ def moving_gauge_readings(
 
     As of `gauge_readings`; phases are the steps.
     """
-    system, lines = dynamics.system, dynamics.cycle.cells.lines
+    lines = dynamics.cycle.cells.lines
     (body,) = (each for each in dynamics.bodies if each.index == gauges.index)
-    force = pressed_cells(system, orbit, law, MIDDLE).force[:, : lines.roll[0].size]
+    force = forces_in_motion(dynamics, orbit, law)
     whole = jnp.zeros((len(orbit.motion), max(dynamics.dofs) + 1))
     whole = whole.at[:, np.asarray(dynamics.dofs)].set(beyond_rest(dynamics, orbit).motion)
     modes = whole[:, body.mode_dofs]
@@ -207,11 +205,7 @@ def moving_gauge_readings(
 
 @compiled
 def rest_readings(
-    gauges: GaugeInfluences,
-    dynamics: PairDynamics,
-    orbit: Orbit,
-    law: AbstractContactLaw,
-    periods: int,
+    gauges: GaugeInfluences, dynamics: PairDynamics, orbit: Orbit, force: Array, periods: int
 ) -> tuple[Array, Array]:
     """What gauges that turn with a body read of the forces of a response alone, as if at rest.
 
@@ -220,7 +214,8 @@ def rest_readings(
     **Arguments:**
 
     - `gauges`: of the body.
-    - `dynamics`, `orbit`, `law`: as of `moving_gauge_readings`.
+    - `dynamics`, `orbit`: as of `moving_gauge_readings`.
+    - `force`: of the cells, from `forces_in_motion` [N].
     - `periods`: mesh periods that are read, from the first.
 
     **Returns:**
@@ -228,7 +223,6 @@ def rest_readings(
     As of `gauge_readings`; phases are the steps of so many mesh periods.
     """
     lines = dynamics.cycle.cells.lines
-    force = pressed_cells(dynamics.system, orbit, law, MIDDLE).force[:, : lines.roll[0].size]
     pair, none = dynamics.cycle.system.pair, jnp.zeros((len(force), gauges.seats.shape[1]))
     alone = dataclasses.replace(
         gauges, rotation=jnp.zeros_like(gauges.rotation), heat=jnp.zeros_like(gauges.heat)

@@ -1,5 +1,6 @@
 """Spectra by orders of a gear's rotation, and the harmonics that fit what is known step by step."""
 
+import functools
 import math
 from dataclasses import dataclass
 
@@ -131,11 +132,9 @@ def fitted_harmonics(values: np.ndarray, lengths: np.ndarray, most: int | None) 
     phases = np.fft.fft(series, axis=0, norm="forward")
     weight = np.sqrt(lengths)[:, None]
     numbers = np.arange(-count, count + 1)
-    fit = np.linalg.pinv(weight * np.exp(2j * np.pi * np.multiply.outer(middles, numbers)))
-    short = fit
+    fit = short = _fit(lengths.tobytes(), -count, count + 1)
     if periods % 2 == 0:
-        own = weight * np.exp(2j * np.pi * np.multiply.outer(middles, numbers[:-1]))
-        short = np.linalg.pinv(own)
+        short = _fit(lengths.tobytes(), -count, count)
     found = np.zeros((count * periods + (periods + 1) // 2, series.shape[2]), dtype=complex)
     for residue in range(periods):
         phase = residue if 2 * residue <= periods else residue - periods
@@ -148,3 +147,13 @@ def fitted_harmonics(values: np.ndarray, lengths: np.ndarray, most: int | None) 
     found[1:] *= 2.0
     found[0] = np.real(found[0])
     return found
+
+
+# A sweep asks for those of its few grids at each speed.
+@functools.lru_cache(maxsize=16)
+def _fit(lengths: bytes, first: int, end: int) -> np.ndarray:
+    """Amplitudes of harmonics from the first to before the end, per value times root of length."""
+    steps = np.frombuffer(lengths)
+    middles, weight = np.cumsum(steps) - 0.5 * steps, np.sqrt(steps)[:, None]
+    phase = 2j * np.pi * np.multiply.outer(middles, np.arange(first, end))
+    return np.linalg.pinv(weight * np.exp(phase))

@@ -84,7 +84,6 @@ def mode_arms(pair: GearPair, index: int, body: FlexibleBody, lines: ContactLine
     assert modes is not None
     on_body = _first_cells(pair, index, body, lines)
     roll = lines.roll.reshape(lines.periods, -1, *lines.roll.shape[1:])
-    partner, number = wave_partners(modes.waves)
 
     def of_period(given: tuple[Array, Array]) -> Array:
         period, roll = given
@@ -96,9 +95,7 @@ def mode_arms(pair: GearPair, index: int, body: FlexibleBody, lines: ContactLine
             jnp.zeros(()),
         )
         ahead = angle[:, 0] - on_body[own]
-        turned = ahead[:, None, None] * number[None, None, :]
-        # The first of a pair has a positive number, the second the same negative.
-        arms = jnp.cos(turned) * arms - jnp.sin(turned) * arms[:, :, partner]
+        arms = _in_space(modes.waves, arms, ahead[:, None])
         if modes.residual is None:
             return arms
         kept = [weights[c] for c in body.components]
@@ -106,6 +103,52 @@ def mode_arms(pair: GearPair, index: int, body: FlexibleBody, lines: ContactLine
 
     found = jax.lax.map(of_period, (jnp.arange(lines.periods), roll))
     return found.reshape(-1, *found.shape[2:])
+
+
+@compiled
+def mode_loads(
+    pair: GearPair, index: int, body: FlexibleBody, lines: ContactLines, force: Reals
+) -> Array:
+    """Loads on the modes of a body by forces of cells, in coordinates of space.
+
+    **Arguments:**
+
+    - `pair`, `index`, `body`: as of `mode_arms`.
+    - `lines`: where the cells are, over one cycle.
+    - `force`: of the cells at each phase of one cycle, or of several one after the other, shape
+        `[phase, cell]` [N].
+
+    **Returns:**
+
+    Shape `[phase, mode]`: what closes a cell is pushed back [N kg^-1/2].
+    """
+    modes = body.modes
+    assert modes is not None
+    on_body = _first_cells(pair, index, body, lines)
+    apart = lambda x: x.reshape(-1, len(lines.phase) // lines.periods, *x.shape[1:])
+    roll, force = apart(lines.roll), apart(force)
+
+    def of_period(given: tuple[Array, Array]) -> Array:
+        period, force = given
+        own, place = period % body.periods, period % lines.periods
+        centres, rows = body.centres[own], modes.rows[own]
+        weights, angle = foot_weights(pair, index, centres, roll[place], lines.face_position)
+        load = sum(
+            (-(weights[c] * force) @ rows[i] for i, c in enumerate(body.components)),
+            jnp.zeros(()),
+        )
+        return _in_space(modes.waves, load, angle[:, 0] - on_body[own])
+
+    found = jax.lax.map(of_period, (jnp.arange(len(force)), force))
+    return found.reshape(-1, found.shape[-1])
+
+
+def _in_space(waves: tuple[int, ...], own: Array, ahead: Array) -> Array:
+    """What is told per mode of a body, in coordinates of space, which it is ahead of [rad]."""
+    partner, number = wave_partners(waves)
+    turned = jnp.multiply.outer(ahead, number)
+    # The first of a pair has a positive number, the second the same negative.
+    return jnp.cos(turned) * own - jnp.sin(turned) * own[..., partner]
 
 
 def _first_cells(pair: GearPair, index: int, body: FlexibleBody, lines: ContactLines) -> Array:

@@ -43,6 +43,26 @@ class HeldBody:
         return self.feet[rows] @ self.of_rim[:, rows]
 
 
+def held_answers(body: Condensed, loads: np.ndarray) -> np.ndarray:
+    """Static answers of a body to loads on its coordinates, its seats held.
+
+    **Arguments:**
+
+    - `body`: the condensed body.
+    - `loads`: shape `[load, dof]`.
+
+    **Returns:**
+
+    Its coordinates under each, shape `[load, dof]`.
+    """
+    first = 3 * len(body.rim_nodes)
+    seat = np.arange(first, first + 6 * len(body.seats))
+    inner, found = np.setdiff1d(np.arange(len(body.stiffness)), seat), np.zeros(loads.shape)
+    stiffness, load = body.stiffness[np.ix_(inner, inner)], loads[:, inner].T
+    found[:, inner] = scipy.linalg.solve(stiffness, load, assume_a="pos", check_finite=False).T
+    return found
+
+
 def held_body(
     body: Condensed,
     found: InterfaceMap,

@@ -6,14 +6,14 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._sweep_types import Direction, SweepPoint, Ways
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._interface._laws import AbstractContactLaw
-from jaxgear._response._body_motion import beyond_rest, body_motion, start_angle
+from jaxgear._response._body_motion import body_motion, start_angle
+from jaxgear._response._dynamic import forces_in_motion
 from jaxgear._response._flank_loads import FlankLoads, LargestLoad, flank_loads
 from jaxgear._response._gauges import GaugeInfluences, gauge_influences, rest_readings
 from jaxgear._response._spectrum import Spectrum, joined_spectra, spectrum_of_steps
@@ -27,6 +27,10 @@ from jaxgear._response._waves import (
     order_sums,
     waves_on_body,
 )
+from jaxgear._response._whole_motion import whole_motion
+from jaxgear._system._flexible import FlexibleBody
+from jaxgear._system._foot_tables import mode_loads
+from jaxgear._system._held_body import held_answers
 from jaxgear.scene._build_pair import pair_of
 from jaxgear.study._built import BuiltScene
 from jaxgear.study._gauges import Gauge, gauges_of
@@ -67,7 +71,9 @@ class Looked:
     - `probes`: of the scene.
     - `gauges`: of the scene, by seats and modes.
     - `angle`: of the body's x from S where the cycle begins [rad].
-    - `read`: what loads on the teeth do to the body, by rows of its coordinates.
+    - `flexible`: its tables.
+    - `rotating`: whether it is in motion with its terms of rotation.
+    - `read`: what loads on the teeth do to the body, by rows of its coordinates and its answers.
     """
 
     body: MovingBody
@@ -75,7 +81,9 @@ class Looked:
     probes: tuple[Probe, ...]
     gauges: tuple[Gauge, ...]
     angle: float
-    read: Callable[[np.ndarray], GaugeInfluences]
+    flexible: FlexibleBody
+    rotating: bool
+    read: Callable[[np.ndarray, np.ndarray], GaugeInfluences]
 
     @property
     def most(self) -> int:
@@ -94,41 +102,50 @@ class Looked:
         return dataclasses.replace(motion, amplitudes=motion.amplitudes[:count])
 
     @functools.cached_property
-    def _influences(self) -> list[GaugeInfluences]:
-        """What the nodes of each probe read of loads on the teeth."""
-        every = self.read(np.concatenate([probe.coordinates for probe in self.probes]))
-        ends = np.cumsum([len(probe.coordinates) for probe in self.probes])[:-1]
-        names = "feet", "seats", "rotation", "heat"
-        parts = zip(*(np.split(np.asarray(getattr(every, x)), ends) for x in names), strict=True)
-        return [
-            dataclasses.replace(
-                every, **{x: jnp.asarray(own) for x, own in zip(names, each, strict=True)}
-            )
-            for each in parts
-        ]
+    def _read(self) -> list["_Read"]:
+        """What its probes read, those that turn with the body apart from those that do not."""
+        rows, found = np.concatenate([probe.coordinates for probe in self.probes]), []
+        answers = held_answers(self.body.built.body, rows)
+        shown = self.body.whole_rows(rows, answers, rotating=self.rotating)
+        of = np.repeat(np.arange(len(self.probes)), [len(x.coordinates) for x in self.probes])
+        for turns in (True, False):
+            chosen = [n for n, probe in enumerate(self.probes) if probe.turns == turns]
+            if chosen:
+                circles = [self.probes[n].looking_at(shown[of == n]) for n in chosen]
+                own = np.isin(of, chosen)
+                ends = np.flatnonzero(np.diff(of[own])) + 1
+                found.append(_Read(chosen, circles, ends, self.read(rows[own], answers[own])))
+        return found
 
     def probe_spectra(
         self, pair: PairDynamics, orbit: Orbit, law: AbstractContactLaw, orders: int
     ) -> tuple[Spectrum, ...]:
         """What its probes show of a response, without what is beyond so many mesh orders [m].
 
-        Shapes show what the body does beyond what its loads give at rest, its teeth the rest.
+        What the forces of the cells give at rest, and what the body does beyond it. Rotation and
+        heat stand still on the body: its shapes show them.
         """
-        # Rotation and heat stand still on the body: its shapes show them.
-        beyond = beyond_rest(pair, orbit, mesh_alone=True)
-        motion = body_motion(pair, beyond, self.body.index, angle=self.angle)
-        table, teeth, found = pair.system.table, self.body.teeth, []
+        force, index = forces_in_motion(pair, orbit, law), self.body.index
+        lines, gears = pair.cycle.cells.lines, pair.cycle.system.pair
+        load = np.asarray(mode_loads(gears, index, self.flexible, lines, force))
+        motion = whole_motion(
+            pair, orbit, index, load, orders, angle=self.angle, rotating=self.rotating
+        )
+        table, teeth, found = pair.system.table, self.body.teeth, {}
         lengths = np.asarray(table.lengths)[: len(table.kinds) // table.periods]
-        for probe, influences in zip(self.probes, self._influences, strict=True):
+        for read in self._read:
             # What stands still sees the same in every cycle, what turns in every revolution.
-            periods = math.lcm(motion.periods, teeth if probe.turns else 1)
-            readings, turn = rest_readings(influences, pair, orbit, law, periods)
-            own = probe.shown(np.asarray(readings), np.asarray(turn))
-            still = spectrum_of_steps(own, lengths, teeth)
-            whole = joined_spectra(probe.spectrum(motion), still)
-            kept = whole.order <= (orders + 0.5) * teeth
-            found.append(Spectrum(whole.order[kept], whole.amplitude[kept]))
-        return tuple(found)
+            turns = self.probes[read.probes[0]].turns
+            periods = math.lcm(motion.periods, teeth if turns else 1)
+            readings, turn = rest_readings(read.influences, pair, orbit, force, periods)
+            parts = np.split(np.asarray(readings), read.ends, axis=1)
+            for number, own, circle in zip(read.probes, parts, read.circles, strict=True):
+                probe = self.probes[number]
+                still = spectrum_of_steps(probe.shown(own, np.asarray(turn)), lengths, teeth)
+                whole = joined_spectra(probe.spectrum(motion, circle), still)
+                kept = whole.order <= (orders + 0.5) * teeth
+                found[number] = Spectrum(whole.order[kept], whole.amplitude[kept])
+        return tuple(found[number] for number in range(len(found)))
 
     def waves(self, motion: BodyMotion) -> Waves:
         """Waves that travel around the rim."""
@@ -146,6 +163,23 @@ class Looked:
         order, number = float(waves.order[best]), int(waves.diameters[best])
         travel = float(waves.travel[best]) if number else 0.0
         return MainWave(order, number, waves.strongest(order)[1], waves.size[best], travel)
+
+
+class _Read(NamedTuple):
+    """What probes of one kind read.
+
+    **Fields:**
+
+    - `probes`: their numbers.
+    - `circles`: that they look at, by coordinates of a `whole_motion`.
+    - `ends`: of all nodes, where those of the next probe begin.
+    - `influences`: of loads on the teeth, on all nodes.
+    """
+
+    probes: list[int]
+    circles: list[Circle]
+    ends: np.ndarray
+    influences: GaugeInfluences
 
 
 class Seen(NamedTuple):
@@ -263,14 +297,25 @@ def wave_watch(built: BuiltScene, pair: PairDynamics) -> WaveWatch:
         heated, warm = scene.bodies[gear].heated, scene.gear(gear).body.temperature
         gauges = gauges_of(scene.gauges, scene.condensed, gear, body.built, heated)
         gauges = tuple(each.on(body, warm, grows=scene.sweep.centrifugal) for each in gauges)
+        flexible = built.model.bodies[body.index]
+        assert isinstance(flexible, FlexibleBody)
         looked[gear] = Looked(
-            body, rim, probes, gauges, angle, functools.partial(_read, built, body)
+            body=body,
+            rim=rim,
+            probes=probes,
+            gauges=gauges,
+            angle=angle,
+            flexible=flexible,
+            rotating=scene.model.gyroscopic,
+            read=functools.partial(_read, built, body),
         )
     return WaveWatch(pair, looked, max(1, scene.sweep.orders), built.law)
 
 
-def _read(built: BuiltScene, body: MovingBody, rows: np.ndarray) -> GaugeInfluences:
-    """What loads on the teeth do to a body at rest, by rows of its coordinates."""
+def _read(
+    built: BuiltScene, body: MovingBody, rows: np.ndarray, answers: np.ndarray
+) -> GaugeInfluences:
+    """What loads on the teeth do to a body at rest, by rows of its coordinates and its answers."""
     mesh, flexible = built.scene.mesh, built.scene.bodies[body.gear].flexible
     return gauge_influences(
         body.built.body,
@@ -282,4 +327,5 @@ def _read(built: BuiltScene, body: MovingBody, rows: np.ndarray) -> GaugeInfluen
         components=flexible.components,
         points=mesh.root_points,
         axial=mesh.connection,
+        answers=answers,
     )

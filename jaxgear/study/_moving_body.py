@@ -12,13 +12,14 @@ import scipy
 import fem_prep
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._system import PairDynamics
-from jaxgear._dynamics._table import MIDDLE
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._response._body_motion import beyond_rest
-from jaxgear._response._dynamic import pressed_cells
+from jaxgear._response._dynamic import forces_in_motion
 from jaxgear._response._waves import BodyMotion, Circle, circle_of
+from jaxgear._response._whole_motion import whole_rows
 from jaxgear._solve._cycle import MeshCycle
 from jaxgear._system._body_modes import BodyBasis
+from jaxgear._system._held_body import held_answers
 from jaxgear.scene._body_build import BuiltBody, Steps, full_of
 from jaxgear.scene._body_words import in_keys
 from jaxgear.scene._gear_tables import GearKeys
@@ -108,12 +109,7 @@ class MovingBody:
 
         Coordinates, shape `[dof, column]` [m, rad].
         """
-        body, basis = self.built.body, self.basis
-        first = 3 * len(body.rim_nodes)
-        inner = np.setdiff1d(np.arange(body.dofs), np.arange(first, first + 6 * len(body.seats)))
-        answer = np.zeros(load.shape)
-        stiffness = body.stiffness[np.ix_(inner, inner)]
-        answer[inner] = scipy.linalg.solve(stiffness, load[inner], assume_a="pos")
+        basis, answer = self.basis, held_answers(self.built.body, load.T).T
         return answer - basis.shapes @ ((basis.shapes.T @ load) / basis.square[:, None])
 
     def rows(self, chosen: np.ndarray) -> np.ndarray:
@@ -135,6 +131,11 @@ class MovingBody:
         if inside.size:
             result[inside] = fem_prep.displacement_rows(self._held, body, chosen[inside])
         return result
+
+    def whole_rows(self, rows: np.ndarray, answers: np.ndarray, *, rotating: bool) -> np.ndarray:
+        """What is read of it per coordinate of a `whole_motion`, as of `whole_rows`."""
+        body = self.built.body
+        return whole_rows(body, self.basis, self.motions, rows, answers, rotating=rotating)
 
     def field(self, motions: np.ndarray) -> np.ndarray:
         """Displacements of all nodes in motions of the condensed body, `[column, node, 3]` [m]."""
@@ -227,7 +228,7 @@ def cycle_in_motion(pair: PairDynamics, orbit: Orbit, law: AbstractContactLaw) -
     Only forces and lines are those of the response.
     """
     cycle, lines = pair.cycle, pair.cycle.cells.lines
-    force = pressed_cells(pair.system, orbit, law, MIDDLE).force[:, : lines.roll[0].size]
+    force = forces_in_motion(pair, orbit, law)
     times = len(force) // len(lines.phase)
     again = lambda x: jnp.concatenate([x] * times)
     of = lambda one, *names: {

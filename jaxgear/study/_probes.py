@@ -15,7 +15,7 @@ from jaxgear._response._waves import (
     BodyMotion,
     Circle,
     along_directions,
-    circle_of,
+    circle_around,
     fixed_spectrum,
     seen_passing,
 )
@@ -39,9 +39,7 @@ class Probe:
     - `name`: in results.
     - `gear`: `pinion` or `wheel`.
     - `direction`: that is read: 0 radial, 1 tangential, 2 axial.
-    - `rows`: of a gauge, per coordinate of a `BodyMotion`, shape `[coordinate]`, or None
-        [-, m, kg^-1/2].
-    - `circle`: that a fixed probe looks at, or None.
+    - `turns`: whether it turns with the body.
     - `angle`: of a fixed probe about Z, from S [rad].
     - `place`: radius, angle and height of the node or the circle [m, rad, m].
     - `angles`: of its node or those of its circle, about Z from the body's x, `[node]` [rad].
@@ -52,25 +50,37 @@ class Probe:
     name: str
     gear: str
     direction: int
-    rows: np.ndarray | None
-    circle: Circle | None
+    turns: bool
     angle: float
     place: tuple[float, float, float]
     angles: np.ndarray
     coordinates: np.ndarray
 
-    @property
-    def turns(self) -> bool:
-        """Whether it turns with the body."""
-        return self.circle is None
+    def looking_at(self, rows: np.ndarray) -> Circle:
+        """What it looks at: its circle, or its own node alone.
 
-    def spectrum(self, motion: BodyMotion) -> Spectrum:
-        """What it shows, by orders of the gear's rotation, shape `[order]` [m]."""
-        if self.circle is None:
-            assert self.rows is not None
-            return rotating_spectrum(motion, self.rows)
-        found = fixed_spectrum(motion, self.circle, self.angle)
-        return Spectrum(found.order, found.amplitude[:, self.direction])
+        **Arguments:**
+
+        - `rows`: what it reads of each node per coordinate of a motion, shape
+            `[node, coordinate]`.
+        """
+        if self.turns:
+            return Circle(np.zeros(1, dtype=int), rows[:, None])
+        return circle_around(self.angles, rows[:, None])
+
+    def spectrum(self, motion: BodyMotion, circle: Circle) -> Spectrum:
+        """What it shows of a motion, by orders of the gear's rotation, shape `[order]` [m].
+
+        **Arguments:**
+
+        - `motion`: of the body.
+        - `circle`: from `looking_at`, by the coordinates of that motion.
+        """
+        if self.turns:
+            found = rotating_spectrum(motion, circle.rows[0])
+        else:
+            found = fixed_spectrum(motion, circle, self.angle)
+        return Spectrum(found.order, found.amplitude[:, 0])
 
     def shown(self, readings: np.ndarray, turn: np.ndarray) -> np.ndarray:
         """What it shows of what its nodes do, as of `Gauge.shown`; of `[step, node]`, `[step]`."""
@@ -157,8 +167,7 @@ def _gauge(
     where = _where(place)
     angles = np.array([where[1]])
     found = along_directions(angles, rows)[:, direction]
-    shown = found[0] @ body.motions
-    return Probe(name, body.gear, direction, shown, None, 0.0, where, angles, found)
+    return Probe(name, body.gear, direction, True, 0.0, where, angles, found)
 
 
 def _where(place: np.ndarray) -> tuple[float, float, float]:
@@ -191,11 +200,11 @@ def probe_at(
         return _gauge(name, body, direction, body.nodes[at[0]], rows)
     angles = angle_of(body.nodes[at])
     try:
-        circle = circle_of(angles, rows @ body.motions)
+        circle_around(angles, np.zeros((len(at), 0)))
     except ValueError as error:
         raise type(error)(f"{key}: a fixed probe sees a circle of nodes pass. {error}") from None
     own, looks = along_directions(angles, rows)[:, direction], (where[0], place[1], where[2])
-    return Probe(name, body.gear, direction, None, circle, place[1], looks, angles, own)
+    return Probe(name, body.gear, direction, False, place[1], looks, angles, own)
 
 
 def nodes_at(

@@ -105,6 +105,11 @@ def motion(watch):
     return BodyMotion(amplitudes, basis.turning, TEETH, 1, -100.0, 0.3)
 
 
+def by_shapes(body, probe, motion):
+    """What a probe shows of a motion of seats and shapes."""
+    return probe.spectrum(motion, probe.looking_at(probe.coordinates @ body.motions))
+
+
 def made_loads(speed):
     """One tooth pair on a line of two slices, from its entry to its exit."""
     passage = np.linspace(0.0, 1.5, 16)[:, None]
@@ -119,7 +124,8 @@ def found(scene, watch, motion):
     """What is said of a sweep of two speeds, of which the first was the higher."""
     whole = {"wheel": motion}
     loads = made_loads(100.0)
-    shown = tuple(probe.spectrum(motion) for probe in watch.looked["wheel"].probes)
+    looked = watch.looked["wheel"]
+    shown = tuple(by_shapes(looked.body, probe, motion) for probe in looked.probes)
     seen = watch.look(loads.largest, whole, {"wheel": shown})
     half = seen._replace(waves={name: 0.5 * each for name, each in seen.waves.items()})
     watch = dataclasses.replace(
@@ -216,7 +222,7 @@ def test_a_gauge_on_the_web_moves_as_the_grid_does(watch, motion):
     own = along_directions(np.array([angle]), shape[None, node])[0, 2]
     seat = along_directions(np.array([angle]), body.with_seat(place[None]))[0, 2]
     own = own + seat @ motion.on_body(TEETH - 2)[body.seat]
-    assert probe.spectrum(motion).near(TEETH - 2) == pytest.approx(own, rel=1e-9)
+    assert by_shapes(body, probe, motion).near(TEETH - 2) == pytest.approx(own, rel=1e-9)
     # The rim's part of the whole grid is the rim.
     rim = np.flatnonzero(body._rim >= 0)
     moved = body.field(body.basis.shapes[:, :2])[:, rim]
@@ -274,10 +280,11 @@ def test_probes_say_what_they_cannot_see(scene, watch):
 
 @pytest.mark.slow
 def test_the_usual_probes_are_on_the_rim(watch, motion):
-    found = _probes._usual(watch.looked["wheel"].body)
+    body = watch.looked["wheel"].body
+    found = _probes._usual(body)
     assert [probe.turns for probe in found] == [True, True, False, False]
-    axial = [np.abs(probe.spectrum(motion).amplitude).max() / um for probe in found[::2]]
+    axial = [np.abs(by_shapes(body, probe, motion).amplitude).max() / um for probe in found[::2]]
     # One wave passes both, but for what repeats with the sectors.
     assert axial[0] == pytest.approx(axial[1], rel=1e-3)
-    rows = watch.looked["wheel"].body.rows(np.array([0, 1]))
+    rows = body.rows(np.array([0, 1]))
     assert rotating_spectrum(motion, rows).amplitude.shape[1:] == (2, 3)
