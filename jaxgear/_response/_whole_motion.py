@@ -112,6 +112,10 @@ def whole_rows(
     return np.concatenate([rows @ motions, *((left @ x) @ motions for x in forces)], axis=1)
 
 
+# Entries of the matrices that are solved with at once: they stay in the processor's cache.
+_AT_ONCE = 20_000
+
+
 def _answered(
     system: DynamicSystem,
     orbit: Orbit,
@@ -135,13 +139,15 @@ def _answered(
     matrices = stiffness, rates, np.asarray(system.mass)[at]
     waves, vectors = waves_of_turning(turning_of_waves(np.asarray(place.waves)))
     turned = [(vectors.conj().T @ each) @ vectors for each in matrices]
-    s, loaded = 1j * frequency[:, None, None], load @ vectors.conj()
-    moved = np.zeros(load.shape, dtype=complex)
+    loaded, moved = load @ vectors.conj(), np.zeros(load.shape, dtype=complex)
     for wave in np.unique(waves):
         alike = np.flatnonzero(waves == wave)
         still, rates, mass = (each[np.ix_(alike, alike)] for each in turned)
-        right = loaded[:, alike, None]
-        moved[:, alike] = np.linalg.solve(still + s * rates + s**2 * mass, right)[:, :, 0]
+        parts = max(1, min(len(load), len(load) * alike.size**2 // _AT_ONCE))
+        for some in np.array_split(np.arange(len(load)), parts):
+            s, at = 1j * frequency[some, None, None], np.ix_(some, alike)
+            matrix = still + s * rates + s**2 * mass
+            moved[at] = np.linalg.solve(matrix, loaded[at][:, :, None])[:, :, 0]
     return moved @ vectors.T
 
 

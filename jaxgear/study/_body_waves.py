@@ -297,15 +297,13 @@ def wave_watch(built: BuiltScene, pair: PairDynamics) -> WaveWatch:
         heated, warm = scene.bodies[gear].heated, scene.gear(gear).body.temperature
         gauges = gauges_of(scene.gauges, scene.condensed, gear, body.built, heated)
         gauges = tuple(each.on(body, warm, grows=scene.sweep.centrifugal) for each in gauges)
-        flexible = built.model.bodies[body.index]
-        assert isinstance(flexible, FlexibleBody)
         looked[gear] = Looked(
             body=body,
             rim=rim,
             probes=probes,
             gauges=gauges,
             angle=angle,
-            flexible=flexible,
+            flexible=scene.bodies[gear].flexible,
             rotating=scene.model.gyroscopic,
             read=functools.partial(_read, built, body),
         )

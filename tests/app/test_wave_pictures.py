@@ -19,6 +19,7 @@ from jaxgear._response._flank_loads import FlankLoads
 from jaxgear._response._measured import Measured
 from jaxgear._response._waves import BodyMotion, along_directions
 from jaxgear._system._body_modes import body_basis
+from jaxgear._system._flexible import FlexibleBody
 from jaxgear._units import mm, um
 from jaxgear._whole_file import write_csv
 from jaxgear.plot import _shape_pictures
@@ -83,7 +84,8 @@ def scene(tmp_path_factory):
         scene = read_scene(path)
         built = built_body(body_plan(scene, "wheel"), lambda step: None)
     # What the mesh sees of the body is of no interest here.
-    flexible = SimpleNamespace(gear_seat=built.body.seats.index("torque"))
+    flexible = object.__new__(FlexibleBody)
+    object.__setattr__(flexible, "gear_seat", built.body.seats.index("torque"))
     basis = body_basis(built.body, 16)
     body = SimpleNamespace(built=built, basis=basis, flexible=flexible, heated=None, residual=None)
     return dataclasses.replace(scene, bodies={"wheel": body})
