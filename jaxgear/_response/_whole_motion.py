@@ -1,7 +1,7 @@
 r"""What all of a condensed body does in a response, of which its shapes are a part.
 
 A response is found on few shapes, loaded by few mesh coordinates. Once the forces of the cells are
-known, the body's motion follows from them with no more than that being left out (theory 11.7):
+known, all of the body follows from them (theory 11.8):
 
 $$u = T s + K_s^{-1}f + X(z - \omega^{-2}f_z) + (K_s^{-1} - X\omega^{-2}X^T)f_i$$
 
