@@ -101,8 +101,8 @@ def relief_map(
 ) -> tuple[ReliefMap, Valley]:
     """Evaluate a response over a grid of depths and extents, and follow its valley.
 
-    For each extent, the depths next to the best row are searched on a grid as many times finer
-    as the map has rows, whose least three points are then joined by a parabola.
+    For each extent, nine depths between those next to the best row are looked at, nine between
+    those next to the best of these, and the least three are joined by a parabola.
 
     **Arguments:**
 
@@ -130,20 +130,31 @@ def relief_map(
         values = [batch(np.stack(pair, axis=1)) for pair in zip(*pairs, strict=True)]
         return np.concatenate(values)[: len(depths)]
 
-    columns, best = [], []
+    columns = []
     for one in extent:
-        along = np.full(count, one)
-        column = evaluate(depth, along)
-        # The least of depths that serve alike: rounding is not to choose among them.
-        alike = 1e-9 * np.max(np.abs(column))
-        row = int(np.argmax(column <= np.min(column) + alike))
-        fine = np.linspace(depth[max(row - 1, 0)], depth[min(row + 1, count - 1)], count)
-        columns.append(column)
-        best.append(_lowest(fine, evaluate(fine, along)))
+        columns.append(evaluate(depth, np.full(count, one)))
         done(count)
+    fine, values = np.tile(depth, (len(extent), 1)), np.stack(columns)
+    for _ in range(_ROUNDS):
+        fine = _beside_least(fine, values)
+        values = evaluate(fine.ravel(), np.repeat(extent, _FINE)).reshape(fine.shape)
+    valley = np.array([_lowest(*each) for each in zip(fine, values, strict=True)])
     chart = ReliefMap(depth=depth, extent=extent, value=np.stack(columns, axis=1))
-    valley = np.asarray(best)
     return chart, Valley(extent=extent, depth=valley, value=evaluate(valley, extent))
+
+
+# Depths that are looked at between neighbours of the best, and how often.
+_FINE, _ROUNDS = 9, 2
+
+
+def _beside_least(depth: np.ndarray, value: np.ndarray) -> np.ndarray:
+    """Depths between the neighbours of the best of each row."""
+    # The least of depths that serve alike: rounding is not to choose among them.
+    alike = 1e-9 * np.max(np.abs(value), axis=1, keepdims=True)
+    best = np.argmax(value <= np.min(value, axis=1, keepdims=True) + alike, axis=1)
+    row, last = np.arange(len(depth)), depth.shape[1] - 1
+    ends = depth[row, np.maximum(best - 1, 0)], depth[row, np.minimum(best + 1, last)]
+    return np.linspace(*ends, _FINE, axis=1)
 
 
 def _lowest(x: np.ndarray, y: np.ndarray) -> float:
