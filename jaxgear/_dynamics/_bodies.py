@@ -38,7 +38,6 @@ class BodyPlace(eqx.Module):
 
     - `square`: of the angular frequency of its modes, all seats held [rad2/s2].
     - `residual`: of its residual shapes, whose degrees of freedom follow the modes' [rad2/s2].
-    - `turning`: $J$ of its seats and modes [-].
     - `index`: 0 for the pinion, 1 for the wheel.
     - `seats`: degrees of freedom of its seats, six each.
     - `first`: degree of freedom of its first mode; the others follow.
@@ -49,7 +48,6 @@ class BodyPlace(eqx.Module):
 
     square: ModeValues
     residual: Array
-    turning: Matrix
     index: int = eqx.field(static=True)
     seats: tuple[int, ...] = eqx.field(static=True)
     first: int = eqx.field(static=True)
@@ -107,11 +105,10 @@ class VibratingBody(NamedTuple):
     def place(self) -> BodyPlace:
         """What others need of it."""
         count = len(self.modes.waves)
-        closed, residual = self.modes.seat_dofs + count, self.modes.residual
+        residual = self.modes.residual
         return BodyPlace(
             square=self.modes.square[:count],
             residual=self.modes.square[count:],
-            turning=self.modes.turning[:closed, :closed],
             index=self.index,
             seats=tuple(int(dof) for dof in self.seats),
             first=self.first,

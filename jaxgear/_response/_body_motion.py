@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-import scipy.linalg
 import scipy.sparse
 
 from jaxgear._checks import require
@@ -16,7 +15,7 @@ from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._geometry._pair import GearPair
 from jaxgear._response._spectrum import SAME_ORDER, Spectrum, fitted_harmonics
-from jaxgear._system._body_modes import turning_of_waves
+from jaxgear._system._body_modes import seat_waves
 
 
 @dataclass(frozen=True)
@@ -30,8 +29,8 @@ class BodyMotion:
 
     - `amplitudes`: $a_m$, in coordinates that stand still in space, complex, shape
         `[harmonic, coordinate]` [m, rad, m kg^1/2]; or those of several such motions, side by side.
-    - `turning`: $J$ of the coordinates of one: how they change per turn of the body, shape
-        `[coordinate, coordinate]` [-].
+    - `waves`: wave number of each coordinate of one, of the second of a pair below zero, as of
+        `BodyBasis`.
     - `teeth`: $Z$ of the gear.
     - `periods`: $P$, mesh periods after which the response repeats.
     - `speed`: of the gear about +Z [rad/s].
@@ -39,7 +38,7 @@ class BodyMotion:
     """
 
     amplitudes: np.ndarray
-    turning: np.ndarray
+    waves: np.ndarray
     teeth: int
     periods: int
     speed: float
@@ -81,12 +80,12 @@ class BodyMotion:
 
     @functools.cached_property
     def turned(self) -> tuple[np.ndarray, scipy.sparse.csr_array, np.ndarray]:
-        r"""Motions that turn by a phase, $\lambda$ and $v$ of `waves_of_turning`, as they are.
+        r"""Motions that turn by a phase, $\lambda$ and $v$ of `phases_of_waves`, as they are.
 
         The last are their amplitudes on the body where the cycle begins, `[harmonic, vector]`.
         """
-        waves, vectors = waves_of_turning(self.turning)
-        motions = self.amplitudes.shape[1] // len(self.turning)
+        waves, vectors = phases_of_waves(self.waves)
+        motions = self.amplitudes.shape[1] // len(self.waves)
         if motions > 1:
             each = scipy.sparse.eye_array(motions)
             waves, vectors = np.tile(waves, motions), scipy.sparse.kron(each, vectors, "csr")
@@ -111,23 +110,23 @@ class BodyMotion:
         return Spectrum(order / self.periods, total)
 
 
-def waves_of_turning(turning: np.ndarray) -> tuple[np.ndarray, scipy.sparse.csr_array]:
+def phases_of_waves(numbers: np.ndarray) -> tuple[np.ndarray, scipy.sparse.csr_array]:
     r"""Motions that a turn changes by a phase only: $e^{\theta J}v = e^{i\lambda\theta}v$.
 
     **Arguments:**
 
-    - `turning`: $J$, blocks of two that turn into each other, shape `[coordinate, coordinate]` [-].
+    - `numbers`: wave number of each coordinate, of the second of a pair below zero, which tell $J$
+        (`turning_of_waves`), shape `[coordinate]`.
 
     **Returns:**
 
     Whole numbers $\lambda$, shape `[vector]` [-], and the vectors, unitary together, each of one
     coordinate or two, shape `[coordinate, vector]` [-].
     """
-    size = len(turning)
+    size, second = len(numbers), np.flatnonzero(numbers < 0)
+    first = second - 1
     waves, own = np.zeros(size, dtype=int), np.ones(size, dtype=complex)
-    first, second = np.nonzero(np.triu(np.abs(turning) > 0.5))
-    waves[first] = np.round(turning[second, first]).astype(int)
-    waves[second] = -waves[first]
+    waves[first], waves[second] = -numbers[second], numbers[second]
     root = math.sqrt(0.5)
     own[first], own[second] = root, 1j * root
     beside = np.full(first.size, root, dtype=complex)
@@ -199,10 +198,10 @@ def body_motion(
     lengths = np.asarray(table.lengths)[: len(table.kinds) // table.periods]
     pair = dynamics.cycle.system.pair
     chosen = np.r_[list(place.seats), place.mode_dofs, place.residual_dofs]
-    amplitudes, turning = _by_parts(place, fitted_harmonics(whole[:, chosen], lengths, harmonics))
+    amplitudes, waves = _by_parts(place, fitted_harmonics(whole[:, chosen], lengths, harmonics))
     return BodyMotion(
         amplitudes=amplitudes,
-        turning=turning,
+        waves=waves,
         teeth=(pair.pinion, pair.wheel)[index].teeth,
         periods=periods,
         speed=place.speed * float(orbit.speed),
@@ -236,18 +235,18 @@ def beyond_rest(dynamics: PairDynamics, orbit: Orbit) -> Orbit:
 
 
 def _by_parts(place: BodyPlace, found: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Parts of residual shapes in place of these, `[harmonic, coordinate]`, and how all turn.
+    """Parts of residual shapes in place of these, `[harmonic, coordinate]`, and waves of all.
 
     In space each of its waves is as large as the shape, and their partners are not there.
     """
-    turning, waves = np.asarray(place.turning), place.residual_waves
-    size = len(turning)
+    own = np.r_[seat_waves(len(place.seats)), np.asarray(place.waves, dtype=int)]
+    size, waves = len(own), place.residual_waves
     residual = found[:, size:]
     parts = np.zeros((len(found), len(waves), residual.shape[1], 2), dtype=complex)
     parts[..., 0] = residual[:, None, :]
     amplitudes = np.concatenate([found[:, :size], parts.reshape(len(found), -1)], axis=1)
     pairs = np.kron(np.repeat(waves, residual.shape[1]), np.array([1, -1]))
-    return amplitudes, np.asarray(scipy.linalg.block_diag(turning, turning_of_waves(pairs)))
+    return amplitudes, np.r_[own, pairs]
 
 
 # --- Gauges that turn with the body

@@ -19,9 +19,9 @@ from jaxgear._dynamics._bodies import LEAST_TURNING, BodyPlace
 from jaxgear._dynamics._damping import without_hold
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._system import DynamicSystem, PairDynamics
-from jaxgear._response._body_motion import BodyMotion, body_motion, waves_of_turning
+from jaxgear._response._body_motion import BodyMotion, body_motion, phases_of_waves
 from jaxgear._response._spectrum import fitted_harmonics
-from jaxgear._system._body_modes import BodyBasis, turning_of_waves
+from jaxgear._system._body_modes import BodyBasis
 from jaxgear._system._condensed import Condensed
 
 
@@ -72,7 +72,7 @@ def whole_motion(
     # What residual shapes do at rest is known, and of their inertia all that the body does of it.
     beyond[:, seats + modes :] = 0.0
     motion = dataclasses.replace(motion, amplitudes=whole)
-    parts = [beyond, *_inertia(motion, _turns(place, len(motion.turning), rotating=rotating))]
+    parts = [beyond, *_inertia(motion, _turns(place, len(motion.waves), rotating=rotating))]
     parts = parts if rotating else parts[:2]
     return dataclasses.replace(motion, amplitudes=np.concatenate(parts, axis=1))
 
@@ -137,7 +137,7 @@ def _answered(
     if system.gyroscopic is not None:
         rates = rates + np.asarray(orbit.speed * system.gyroscopic)[at]
     matrices = stiffness, rates, np.asarray(system.mass)[at]
-    waves, vectors = waves_of_turning(turning_of_waves(np.asarray(place.waves)))
+    waves, vectors = phases_of_waves(np.asarray(place.waves))
     turned = [(vectors.conj().T @ each) @ vectors for each in matrices]
     loaded, moved = load @ vectors.conj(), np.zeros(load.shape, dtype=complex)
     for wave in np.unique(waves):
@@ -164,8 +164,7 @@ def _inertia(motion: BodyMotion, turns: np.ndarray) -> list[np.ndarray]:
     r"""Amplitudes of $-\ddot x$, $-\Omega\dot x$ and $-\Omega^2x$ on the body."""
     waves, vectors, own = motion.turned
     turned = np.where(abs(vectors).T @ turns > 0.0, waves, 0)
-    number = np.stack([motion.numbers(int(wave)) for wave in turned], axis=1)
-    rate = 1j * number / motion.periods * abs(motion.speed)
+    rate = 1j * motion.numbers(turned[:, None]).T / motion.periods * abs(motion.speed)
     forward = np.exp(1j * waves * motion.angle)
     in_space = lambda own: (own * forward) @ vectors.T
     speed = motion.speed

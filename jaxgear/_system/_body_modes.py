@@ -120,6 +120,11 @@ def whole_pairs(count: int, waves: np.ndarray) -> int:
     return count - int(count < len(waves) and waves[count] < 0)
 
 
+def seat_waves(dofs: int) -> np.ndarray:
+    """Wave numbers of motions of seats: of x, y and z the first two are a pair."""
+    return np.tile([1, -1, 0], dofs // 3)
+
+
 def turning_of_waves(waves: np.ndarray) -> np.ndarray:
     """$J$ of motions with such wave numbers, as of `BodyBasis`, `[motion, motion]` [-]."""
     turning = np.zeros((len(waves), len(waves)))
@@ -167,9 +172,7 @@ class BodyBasis:
     @property
     def turning(self) -> np.ndarray:
         """$J$: how motions that stand still on the body change in space as it turns [-]."""
-        # Of x, y and z of a seat the first two are a pair.
-        seats = np.tile([1, -1, 0], self.following.shape[1] // 3)
-        return turning_of_waves(np.concatenate([seats, self.waves]))
+        return turning_of_waves(np.r_[seat_waves(self.following.shape[1]), self.waves])
 
     def matrices(self, body: Condensed) -> "BasisMatrices":
         """Mass, turning and terms of rotation of the seats and modes.

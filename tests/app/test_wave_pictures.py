@@ -18,7 +18,7 @@ from jaxgear._response._body_motion import rotating_spectrum
 from jaxgear._response._flank_loads import FlankLoads
 from jaxgear._response._measured import Measured
 from jaxgear._response._waves import BodyMotion, along_directions
-from jaxgear._system._body_modes import body_basis
+from jaxgear._system._body_modes import body_basis, seat_waves
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._units import mm, um
 from jaxgear._whole_file import write_csv
@@ -104,7 +104,7 @@ def motion(watch):
     first = int(np.flatnonzero((basis.waves == 2) & (basis.diameters == 2))[0])
     amplitudes = np.zeros((2, seats + len(basis.waves)), dtype=complex)
     amplitudes[1, seats + first : seats + first + 2] = 1e-7 * np.array([1.0, 1j])
-    return BodyMotion(amplitudes, basis.turning, TEETH, 1, -100.0, 0.3)
+    return BodyMotion(amplitudes, np.r_[seat_waves(seats), basis.waves], TEETH, 1, -100.0, 0.3)
 
 
 def by_shapes(body, probe, motion):

@@ -29,6 +29,7 @@ TEETH, NODES = 12, 36
 ANGLES = 2.0 * np.pi * np.arange(NODES) / NODES
 # A ring that moves along its axis: as one, tilted, and in two and three waves.
 WAVES = (0, 1, 2, 3)
+NUMBERS = np.array([0, 1, -1, 2, -2, 3, -3])
 senses = pytest.mark.parametrize("sense", [1, -1], ids=["about +Z", "about -Z"])
 
 
@@ -63,7 +64,7 @@ def _travelling(number: int, forward: bool, sense: int, size: float = 3e-6) -> B
     # cos(Z psi - lobes sense phi) = Re[e^{i Z psi} (cos - i sense lobes/n sin)].
     amplitudes[1, first] = size
     amplitudes[1, first + 1] = -1j * size * sense * math.copysign(1.0, lobes)
-    return BodyMotion(amplitudes, _turning(), TEETH, 1, sense * 50.0, 0.7)
+    return BodyMotion(amplitudes, NUMBERS, TEETH, 1, sense * 50.0, 0.7)
 
 
 def _angles(samples: int, revolutions: int = 1) -> np.ndarray:
@@ -75,7 +76,7 @@ def _noisy(sense: int, periods: int = 1, harmonics: int = 4) -> BodyMotion:
     parts = random.standard_normal((2, harmonics * periods + 1, 2 * len(WAVES) - 1))
     amplitudes = parts[0] + 1j * parts[1]
     amplitudes[0] = amplitudes[0].real
-    return BodyMotion(amplitudes, _turning(), TEETH, periods, sense * 50.0, 0.7)
+    return BodyMotion(amplitudes, NUMBERS, TEETH, periods, sense * 50.0, 0.7)
 
 
 @senses
@@ -124,7 +125,7 @@ def test_whole_revolutions_are_those_of_the_turned_coordinates(sense, periods):
     series = rotating_spectrum(motion, rows).at(angle)
     standing = motion.standing.at(angle)
     for now in range(0, len(angle), 7):
-        turn = scipy.linalg.expm(-(motion.angle + sense * angle[now]) * motion.turning)
+        turn = scipy.linalg.expm(-(motion.angle + sense * angle[now]) * _turning())
         assert_close(series[now], rows @ (turn @ standing[now]), rtol=1e-10, atol=1e-11)
     if periods == 5:
         # Twelve teeth pass in no whole number of five mesh periods.
