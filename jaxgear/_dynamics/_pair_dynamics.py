@@ -63,7 +63,7 @@ def pair_dynamics(
     - `centrifugal`: whether condensed bodies grow with the speed of each response; `model.speed`
         is that of statics, and not used here. Heat is always there.
     - `mesh_coordinates`: combinations of the motions of condensed bodies that the mesh tells apart,
-        beside approach and tilt; scenes take 8, for helical teeth 16.
+        beside approach and tilt; scenes take 8, for helical teeth 24.
 
     **Returns:**
 

@@ -96,7 +96,7 @@ class Scene(AbstractTables):
     @property
     def at_mesh(self) -> int:
         """Combinations of what condensed bodies move that the mesh tells apart."""
-        return self.model.at_mesh(*self._moved_by)
+        return self.model.at_mesh(*self._moved_by[:2])
 
     @property
     def _moved_by(self) -> tuple[float, int, int]:

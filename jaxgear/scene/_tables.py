@@ -127,9 +127,8 @@ class ModelKeys(AbstractKeys):
         default="excited",
     )
     mesh_coordinates: int | None = key(
-        "combinations of these that the mesh tells apart; 8 unless said, of helical teeth 16, on "
-        "two condensed bodies 24; where a cycle has many mesh periods 16 and 28, of natural modes "
-        "16 and 56",
+        "combinations of these that the mesh tells apart; 8 unless said, of helical teeth 24; where "
+        "a cycle has many mesh periods 16 and 28, of natural modes 16 and 56",
         "[4, 100]",
     )
 
@@ -146,7 +145,7 @@ class ModelKeys(AbstractKeys):
             return 350
         return 250 if helix or periods > 1 else 200
 
-    def at_mesh(self, helix: float, periods: int, bodies: int) -> int:
+    def at_mesh(self, helix: float, periods: int) -> int:
         """Combinations of them that the mesh tells apart in a cycle of so many mesh periods.
 
         Leaning teeth are loaded all over, and where holes pass by, each tooth in another way.
@@ -154,7 +153,7 @@ class ModelKeys(AbstractKeys):
         if self.mesh_coordinates is not None:
             return self.mesh_coordinates
         if periods == 1:
-            return (24 if bodies > 1 else 16) if helix else 8
+            return 24 if helix else 8
         return (56 if self.shapes == "natural" else 28) if helix else 16
 
     fidelity: Literal["as given", "auto"] = key(

@@ -119,6 +119,9 @@ class MovingBody:
         are coordinates of the condensed body; all others follow by its grid, which is then
         factorised again.
         """
+        rim = self._rim[chosen]
+        if np.all(rim >= 0):
+            return self.motions[3 * rim[:, None] + np.arange(3)]
         return self.coordinate_rows(chosen) @ self.motions
 
     def coordinate_rows(self, chosen: np.ndarray) -> np.ndarray:

@@ -337,7 +337,7 @@ def test_leaning_teeth_tell_more_motions_of_a_body_apart(write):
     )
     assert traced.shape == (8,), "it does not change while derivatives are taken"
     lean = read_scene(write(_LEAST + _CONDENSED), ["pair.helix_angle_deg=-8.0"])
-    assert lean.at_mesh == 16
+    assert lean.at_mesh == 24
     assert lean.replace({"mesh.periods": 3}).at_mesh == 28
     assert scene.replace({"mesh.periods": 3}).at_mesh == 16
     assert lean.replace({"model.mesh_coordinates": 9}).at_mesh == 9
@@ -353,7 +353,7 @@ def test_leaning_teeth_on_two_condensed_bodies_want_more_of_each():
         return scene.shape_count, scene.at_mesh
 
     assert kept("power-h2") == kept("power-webbed-pinion") == (350, 24)
-    assert kept("power-h2", "pinion.body.kind=rigid") == kept("power-h1") == (250, 16)
+    assert kept("power-h2", "pinion.body.kind=rigid") == kept("power-h1") == (250, 24)
     assert kept("accessory-h2") == kept("accessory-h1") == (200, 8)
     assert kept("power-h2", "model.coordinates=60", "model.mesh_coordinates=9") == (60, 9)
     assert kept("power-h2", "model.shapes=natural") == (100, 24)
