@@ -127,8 +127,8 @@ class ModelKeys(AbstractKeys):
         default="excited",
     )
     mesh_coordinates: int | None = key(
-        "combinations of these that the mesh tells apart; 8 unless said, of helical teeth 24; where "
-        "a cycle has many mesh periods 16 and 28, of natural modes 16 and 56",
+        "combinations of these that the mesh tells apart; 8 unless said, of helical teeth 24; "
+        "where a cycle has many mesh periods 16 and 28, of natural modes 16 and 56",
         "[4, 100]",
     )
 
