@@ -19,7 +19,12 @@ from jaxgear._dynamics._bodies import LEAST_TURNING, BodyPlace
 from jaxgear._dynamics._damping import without_hold
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._system import DynamicSystem, PairDynamics
-from jaxgear._response._body_motion import BodyMotion, body_motion, phases_of_waves
+from jaxgear._response._body_motion import (
+    BodyMotion,
+    beyond_rest,
+    body_motion,
+    phases_of_waves,
+)
 from jaxgear._response._spectrum import fitted_harmonics
 from jaxgear._system._body_modes import BodyBasis
 from jaxgear._system._condensed import Condensed
@@ -69,8 +74,13 @@ def whole_motion(
     whole[:, shapes] += _answered(dynamics.system, orbit, place, own, beside, frequency)
     beyond = whole.copy()
     beyond[:, shapes] -= pressed / np.asarray(place.square)
-    # What residual shapes do at rest is known, and of their inertia all that the body does of it.
-    beyond[:, seats + modes :] = 0.0
+    if place.residual.size:
+        # Slower than they are, residual shapes are a part of what follows at once, and by their
+        # inertia the body does all that they do of it; above that series does not converge.
+        slow = (frequency < float(np.sqrt(np.min(place.residual))))[:, None]
+        rest = body_motion(dynamics, beyond_rest(dynamics, orbit), index, angle=angle).amplitudes
+        beyond[:, seats + modes :] = np.where(slow, 0.0, rest[:kept, seats + modes :])
+        whole[:, seats + modes :] *= slow
     motion = dataclasses.replace(motion, amplitudes=whole)
     parts = [beyond, *_inertia(motion, _turns(place, len(motion.waves), rotating=rotating))]
     parts = parts if rotating else parts[:2]
