@@ -69,6 +69,11 @@ class MeshTable(eqx.Module):
         return jnp.diff(self.edges)
 
     @property
+    def period_lengths(self) -> np.ndarray:
+        """Lengths of the steps of a mesh period, which all have, of a concrete table [-]."""
+        return np.asarray(self.lengths)[: len(self.kinds) // self.periods]
+
+    @property
     def middles(self) -> Reals:
         """Middle of each step in mesh periods from the start of the cycle [-]."""
         return 0.5 * (self.edges[:-1] + self.edges[1:])

@@ -195,10 +195,10 @@ def body_motion(
     whole[:, list(dynamics.dofs)] = motion
     table = system.table
     periods = len(motion) // len(table.kinds) * table.periods
-    lengths = np.asarray(table.lengths)[: len(table.kinds) // table.periods]
     pair = dynamics.cycle.system.pair
     chosen = np.r_[list(place.seats), place.mode_dofs, place.residual_dofs]
-    amplitudes, waves = _by_parts(place, fitted_harmonics(whole[:, chosen], lengths, harmonics))
+    found = fitted_harmonics(whole[:, chosen], table.period_lengths, harmonics)
+    amplitudes, waves = _by_parts(place, found)
     return BodyMotion(
         amplitudes=amplitudes,
         waves=waves,

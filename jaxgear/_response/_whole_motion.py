@@ -63,8 +63,7 @@ def whole_motion(
     periods, seats, modes = motion.periods, len(place.seats), len(place.waves)
     kept = min(len(motion.amplitudes), harmonics * periods + 1)
     own = np.flatnonzero(np.isin(dynamics.dofs, place.mode_dofs))
-    table = dynamics.system.table
-    lengths = np.asarray(table.lengths)[: len(table.kinds) // table.periods]
+    lengths = dynamics.system.table.period_lengths
     less = load + np.asarray(orbit.load) @ np.asarray(dynamics.system.vectors)[own].T
     loads = fitted_harmonics(np.concatenate([load, less], axis=1), lengths, None)[:kept]
     pressed, beside = np.split(loads, 2, axis=1)
@@ -81,10 +80,8 @@ def whole_motion(
         rest = body_motion(dynamics, beyond_rest(dynamics, orbit), index, angle=angle).amplitudes
         beyond[:, seats + modes :] = np.where(slow, 0.0, rest[:kept, seats + modes :])
         whole[:, seats + modes :] *= slow
-    motion = dataclasses.replace(motion, amplitudes=whole)
-    parts = [beyond, *_inertia(motion, _turns(place, len(motion.waves), rotating=rotating))]
-    parts = parts if rotating else parts[:2]
-    return dataclasses.replace(motion, amplitudes=np.concatenate(parts, axis=1))
+    parts = _inertia(dataclasses.replace(motion, amplitudes=whole), place, rotating=rotating)
+    return dataclasses.replace(motion, amplitudes=np.concatenate([beyond, *parts], axis=1))
 
 
 def whole_rows(
@@ -112,7 +109,7 @@ def whole_rows(
 
     Shape `[reading, coordinate]`.
     """
-    left = answers - ((rows @ basis.shapes) / basis.square) @ basis.shapes.T
+    left = basis.left_out(answers, rows)
     forces = [body.mass]
     if rotating:
         assert body.coriolis is not None
@@ -161,23 +158,20 @@ def _answered(
     return moved @ vectors.T
 
 
-def _turns(place: BodyPlace, size: int, *, rotating: bool) -> np.ndarray:
-    """Whether each coordinate has the inertia of what turns with the body, `[coordinate]`."""
-    turns = np.full(size, True)
-    if not rotating:
-        turns[: len(place.seats)] = False
-        turns[len(place.seats) :][: len(place.waves)] = np.asarray(place.diameters) >= LEAST_TURNING
-    return turns
-
-
-def _inertia(motion: BodyMotion, turns: np.ndarray) -> list[np.ndarray]:
-    r"""Amplitudes of $-\ddot x$, $-\Omega\dot x$ and $-\Omega^2x$ on the body."""
+def _inertia(motion: BodyMotion, place: BodyPlace, *, rotating: bool) -> list[np.ndarray]:
+    r"""Amplitudes on the body: $-\ddot x$; with `rotating` $-\Omega\dot x$ and $-\Omega^2x$ too."""
     waves, vectors, own = motion.turned
+    turns = np.full(len(motion.waves), True)
+    if not rotating:
+        seats = len(place.seats)
+        turns[:seats] = False
+        turns[seats:][: len(place.waves)] = np.asarray(place.diameters) >= LEAST_TURNING
     turned = np.where(abs(vectors).T @ turns > 0.0, waves, 0)
     rate = 1j * motion.numbers(turned[:, None]).T / motion.periods * abs(motion.speed)
-    forward = np.exp(1j * waves * motion.angle)
+    forward, speed = np.exp(1j * waves * motion.angle), motion.speed
     in_space = lambda own: (own * forward) @ vectors.T
-    speed = motion.speed
+    if not rotating:
+        return [in_space(-(rate**2) * own)]
     return [
         in_space(-(rate**2) * own),
         in_space(-speed * rate * own),

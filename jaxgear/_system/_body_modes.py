@@ -174,6 +174,20 @@ class BodyBasis:
         """$J$: how motions that stand still on the body change in space as it turns [-]."""
         return turning_of_waves(np.r_[seat_waves(self.following.shape[1]), self.waves])
 
+    def left_out(self, answers: np.ndarray, loads: np.ndarray) -> np.ndarray:
+        """Static answers to loads, the seats held, less what of them is in the modes.
+
+        **Arguments:**
+
+        - `answers`: coordinates of the body under each load, shape `[load, dof]`.
+        - `loads`: on these coordinates, shape `[load, dof]`.
+
+        **Returns:**
+
+        Shape `[load, dof]`.
+        """
+        return answers - ((loads @ self.shapes) / self.square) @ self.shapes.T
+
     def matrices(self, body: Condensed) -> "BasisMatrices":
         """Mass, turning and terms of rotation of the seats and modes.
 

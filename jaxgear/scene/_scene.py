@@ -91,17 +91,13 @@ class Scene(AbstractTables):
     @property
     def shape_count(self) -> int:
         """Shapes by which each condensed body vibrates, 0: all."""
-        return self.model.shape_count(*self._moved_by)
+        helix, periods = self.plain.pair.helix_angle_deg, self.mesh.periods
+        return self.model.shape_count(helix, periods, len(self.condensed))
 
     @property
     def at_mesh(self) -> int:
         """Combinations of what condensed bodies move that the mesh tells apart."""
-        return self.model.at_mesh(*self._moved_by[:2])
-
-    @property
-    def _moved_by(self) -> tuple[float, int, int]:
-        """What the motion of condensed bodies hangs on: helix, mesh periods, how many there are."""
-        return self.plain.pair.helix_angle_deg, self.mesh.periods, len(self.condensed)
+        return self.model.at_mesh(self.plain.pair.helix_angle_deg, self.mesh.periods)
 
     @property
     def at_mesh_of_reference(self) -> int:

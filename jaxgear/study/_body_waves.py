@@ -131,8 +131,7 @@ class Looked:
         motion = whole_motion(
             pair, orbit, index, load, orders, angle=self.angle, rotating=self.rotating
         )
-        table, teeth, found = pair.system.table, self.body.teeth, {}
-        lengths = np.asarray(table.lengths)[: len(table.kinds) // table.periods]
+        lengths, teeth, found = pair.system.table.period_lengths, self.body.teeth, {}
         for read in self._read:
             # What stands still sees the same in every cycle, what turns in every revolution.
             turns = self.probes[read.probes[0]].turns

@@ -109,8 +109,7 @@ class MovingBody:
 
         Coordinates, shape `[dof, column]` [m, rad].
         """
-        basis, answer = self.basis, held_answers(self.built.body, load.T).T
-        return answer - basis.shapes @ ((basis.shapes.T @ load) / basis.square[:, None])
+        return self.basis.left_out(held_answers(self.built.body, load.T), load.T).T
 
     def rows(self, chosen: np.ndarray) -> np.ndarray:
         """Displacements per coordinate of a `BodyMotion`, of the nodes with these numbers.
