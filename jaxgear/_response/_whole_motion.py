@@ -3,120 +3,220 @@ r"""What all of a condensed body does in a response, of which its shapes are a p
 A response is found on few shapes, loaded by few mesh coordinates. Once the forces of the cells are
 known, all of the body follows from them (theory 11.8):
 
-$$u = T s + K_s^{-1}f + X(z - \omega^{-2}f_z) + (K_s^{-1} - X\omega^{-2}X^T)f_i$$
+$$u = T s + K_s^{-1}f + X(z - \omega^{-2}X^Tf)$$
 
-with the seats $s$, the forces $f$ on the feet and $f_z = X^Tf$, and modes $z$ that answer to these
-and not to the mesh coordinates' alone; $f_i = -(M\ddot u + \Omega G\dot u + \Omega^2 S u)$ is the
-inertia of the motion that the shapes have, which the modes left out follow too (mode acceleration,
-Craig and Kurdila 2006). Here are all terms but the second, which is that of statics.
+with the seats $s$, the forces $f$ on the feet, and the natural modes $X$ of which the shapes are
+combinations: their motion $z$ answers to all of these forces, and to what moves the shapes besides.
+The second term is that of statics; the others are here.
 """
 
 import dataclasses
+import functools
+from typing import NamedTuple
 
+import jax
+import jax.numpy as jnp
 import numpy as np
+import scipy
 
 from jaxgear._dynamics._bodies import LEAST_TURNING, BodyPlace
-from jaxgear._dynamics._damping import without_hold
+from jaxgear._dynamics._damping import AbstractDamping
 from jaxgear._dynamics._orbit import Orbit
-from jaxgear._dynamics._system import DynamicSystem, PairDynamics
-from jaxgear._response._body_motion import (
-    BodyMotion,
-    beyond_rest,
-    body_motion,
-    phases_of_waves,
-)
+from jaxgear._dynamics._system import PairDynamics
+from jaxgear._dynamics._types import StepCells
+from jaxgear._response._body_motion import BodyMotion, body_motion, phases_of_waves
 from jaxgear._response._spectrum import fitted_harmonics
-from jaxgear._system._body_modes import BodyBasis
-from jaxgear._system._condensed import Condensed
+from jaxgear._system._body_modes import BodyModes, seat_waves
+from jaxgear._system._flexible import FlexibleBody
+from jaxgear._system._foot_tables import mode_loads
+
+
+class _Wave(NamedTuple):
+    """Natural modes that turn by one phase, and the seats and shapes that do.
+
+    **Fields:**
+
+    - `number`: $\\lambda$ of `phases_of_waves` [-].
+    - `modes`, `shapes`, `seats`: which of all such motions they are.
+    - `into`: the shapes by the modes, `[mode, shape]` [-].
+    - `stiffness`, `rates`: of the modes alone, $\\omega^2$ and what damps them [rad2/s2, rad/s].
+    - `turns`: whether the inertia of modes, then seats turns with the body.
+    - `damped`: whether the damping of the modes does.
+    - `mass`, `coriolis`, `softening`: on the modes, by modes and seats,
+        `[mode, mode_and_seat]` [kg^1/2, -]; without terms of rotation the last two are zero.
+    """
+
+    number: int
+    modes: np.ndarray
+    shapes: np.ndarray
+    seats: np.ndarray
+    into: np.ndarray
+    stiffness: np.ndarray
+    rates: np.ndarray
+    turns: np.ndarray
+    damped: np.ndarray
+    mass: np.ndarray
+    coriolis: np.ndarray
+    softening: np.ndarray
+
+    def dynamic_stiffness(self, still: np.ndarray, speed: float) -> np.ndarray:
+        r"""Loads on the modes by motions of modes and seats, `[harmonic, mode, mode_and_seat]`.
+
+        **Arguments:**
+
+        - `still`: frequency of each harmonic in space, shape `[harmonic]` [rad/s].
+        - `speed`: of the body about +Z [rad/s].
+        """
+        on_body = still - self.number * speed
+        count = len(self.modes)
+        rate = 1j * np.where(self.turns, on_body[:, None], still[:, None])
+        found = (rate[:, :count, None] * rate[:, None, :]) * self.mass
+        found += (speed * 1j * on_body)[:, None, None] * self.coriolis + speed**2 * self.softening
+        damped = 1j * np.where(self.damped, on_body[:, None], still[:, None]) * self.rates
+        own = np.arange(count)
+        found[:, own, own] += self.stiffness + damped
+        return found
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class WholeBody:
+    """A condensed body on the natural modes of which its shapes are combinations.
+
+    **Fields:**
+
+    - `flexible`: its tables, with the natural modes.
+    - `into`: the shapes by these, orthonormal, shape `[mode, shape]`, or `None`: they are these
+        [-].
+    - `shape_waves`: wave numbers of the shapes.
+    - `damping`: of the body, which turns with its waves.
+    - `rotating`: whether it was set in motion with its terms of rotation.
+    """
+
+    flexible: FlexibleBody
+    into: np.ndarray | None
+    shape_waves: np.ndarray
+    damping: AbstractDamping
+    rotating: bool
+
+    @property
+    def modes(self) -> BodyModes:
+        """The natural modes."""
+        assert self.flexible.modes is not None
+        return self.flexible.modes
+
+    @property
+    def waves(self) -> np.ndarray:
+        """Wave numbers of its seats and modes, as of a `BodyMotion`."""
+        return np.r_[seat_waves(self.modes.seat_dofs), np.asarray(self.modes.waves, dtype=int)]
+
+    @functools.cached_property
+    def by_wave(self) -> list[_Wave]:
+        """Its modes, apart by the phases with which they turn."""
+        modes, count = self.modes, self.modes.seat_dofs
+        numbers, vectors = phases_of_waves(np.asarray(modes.waves))
+        of_seats, at_seats = phases_of_waves(seat_waves(count))
+        of_shapes, at_shapes = phases_of_waves(self.shape_waves)
+        both = scipy.sparse.block_diag([vectors, at_seats], "csr")
+        turned = vectors.conj().T
+        into = turned @ (np.eye(len(numbers)) if self.into is None else self.into) @ at_shapes
+        order = np.r_[count : modes.size, :count]
+        on_modes = lambda x: turned @ np.asarray(x)[count : modes.size][:, order] @ both
+        mass = on_modes(modes.mass)
+        coriolis, softening = np.zeros_like(mass), np.zeros_like(mass)
+        if self.rotating:
+            coriolis, softening = on_modes(modes.coriolis), on_modes(modes.softening)
+        square, rates = np.asarray(modes.square), self._rates()
+        damped = np.asarray(modes.diameters) >= LEAST_TURNING
+        turns = self.rotating | np.r_[damped, np.zeros(count, dtype=bool)]
+        found = []
+        for number in np.unique(numbers):
+            # Both of a pair have one frequency, and stand beside each other.
+            own, ours, near = (
+                np.flatnonzero(each == number) for each in (numbers, of_shapes, of_seats)
+            )
+            columns = np.r_[own, len(numbers) + near]
+            at, among = np.ix_(own, columns), np.ix_(own, ours)
+            alone = square[own], rates[own], turns[columns], damped[own]
+            matrices = mass[at], coriolis[at], softening[at]
+            found.append(_Wave(int(number), own, ours, near, into[among], *alone, *matrices))
+        return found
+
+    def _rates(self) -> np.ndarray:
+        """Damping of each mode by itself [rad/s]."""
+        one = jnp.ones((1, 1))
+        of_mode = lambda square: self.damping.matrix(one, square * one, 0.0 * one)[0, 0]
+        return np.asarray(jax.vmap(of_mode)(self.modes.square))
 
 
 def whole_motion(
+    whole: WholeBody,
     dynamics: PairDynamics,
     orbit: Orbit,
     index: int,
-    load: np.ndarray,
+    force: StepCells,
     harmonics: int,
     *,
     angle: float,
-    rotating: bool,
 ) -> BodyMotion:
-    r"""Seats, shapes beyond rest, and the inertia of both, in a steady response.
+    r"""Seats, and natural modes beyond what they do at rest, in a steady response.
 
     **Arguments:**
 
+    - `whole`: the body.
     - `dynamics`: the pair.
     - `orbit`: its response at one speed.
     - `index`: 0 for the pinion, 1 for the wheel.
-    - `load`: on the modes by all cells, from `mode_loads`, shape `[step, mode]` [N kg^-1/2].
+    - `force`: of all cells at each step, from `forces_in_motion` [N].
     - `harmonics`: of the mesh that are considered.
     - `angle`: `start_angle` of that gear [rad].
-    - `rotating`: whether the body was set in motion with its terms of rotation.
 
     **Returns:**
 
-    Motions side by side, whose rows are those of `whole_rows`: seats and shapes beyond rest; then,
-    as inertia has them on the body, $-\ddot x$ of all, and with `rotating` $-\Omega\dot x$ and
-    $-\Omega^2x$.
+    The motion, of seats and then natural modes. What stands still on the body, rotation and heat,
+    is in it as the shapes have it.
     """
     (place,) = (each for each in dynamics.bodies if each.index == index)
     motion = body_motion(dynamics, orbit, index, angle=angle)
-    periods, seats, modes = motion.periods, len(place.seats), len(place.waves)
-    kept = min(len(motion.amplitudes), harmonics * periods + 1)
+    kept = min(len(motion.amplitudes), harmonics * motion.periods + 1)
+    seats, count = len(place.seats), len(place.waves)
+    lines, gears = dynamics.cycle.cells.lines, dynamics.cycle.system.pair
+    load = np.asarray(mode_loads(gears, index, whole.flexible, lines, force))
     own = np.flatnonzero(np.isin(dynamics.dofs, place.mode_dofs))
+    pushed = np.asarray(orbit.load) @ np.asarray(dynamics.system.vectors)[own].T
     lengths = dynamics.system.table.period_lengths
-    less = load + np.asarray(orbit.load) @ np.asarray(dynamics.system.vectors)[own].T
-    loads = fitted_harmonics(np.concatenate([load, less], axis=1), lengths, None)[:kept]
-    pressed, beside = np.split(loads, 2, axis=1)
-    frequency = np.arange(kept) * motion.teeth / periods * abs(motion.speed)
-    shapes = slice(seats, seats + modes)
-    whole = motion.amplitudes[:kept].copy()
-    whole[:, shapes] += _answered(dynamics.system, orbit, place, own, beside, frequency)
-    beyond = whole.copy()
-    beyond[:, shapes] -= pressed / np.asarray(place.square)
+    found = fitted_harmonics(np.concatenate([load, pushed], axis=1), lengths, None)[:kept]
+    size = len(whole.modes.waves)
+    pressed, pushed = found[:, :size], found[:, size:]
+    moved = motion.amplitudes[:kept]
+    shapes = moved[:, seats : seats + count]
+    frequency = np.arange(kept) * motion.teeth / motion.periods * abs(motion.speed)
     if place.residual.size:
-        # Slower than they are, residual shapes are a part of what follows at once, and by their
-        # inertia the body does all that they do of it; above that series does not converge.
-        slow = (frequency < float(np.sqrt(np.min(place.residual))))[:, None]
-        rest = body_motion(dynamics, beyond_rest(dynamics, orbit), index, angle=angle).amplitudes
-        beyond[:, seats + modes :] = np.where(slow, 0.0, rest[:kept, seats + modes :])
-        whole[:, seats + modes :] *= slow
-    parts = _inertia(dataclasses.replace(motion, amplitudes=whole), place, rotating=rotating)
-    return dataclasses.replace(motion, amplitudes=np.concatenate([beyond, *parts], axis=1))
+        pushed = pushed + _by_residual_shapes(dynamics, orbit, place, own, frequency)
+    modes = _answered(whole, pressed, pushed, moved[:, :seats], shapes, frequency, motion.speed)
+    beyond = np.concatenate(
+        [moved[:, :seats], modes - pressed / np.asarray(whole.modes.square)], axis=1
+    )
+    return dataclasses.replace(motion, amplitudes=beyond, waves=whole.waves)
 
 
-def whole_rows(
-    body: Condensed,
-    basis: BodyBasis,
-    motions: np.ndarray,
-    rows: np.ndarray,
-    answers: np.ndarray,
-    *,
-    rotating: bool,
+def _by_residual_shapes(
+    dynamics: PairDynamics, orbit: Orbit, place: BodyPlace, own: np.ndarray, frequency: np.ndarray
 ) -> np.ndarray:
-    """What is read of a body per coordinate of a `whole_motion` of it.
+    """Loads on a body's modes by what its residual shapes do, `[harmonic, mode]`.
 
-    **Arguments:**
-
-    - `body`: the body.
-    - `basis`: its seats and modes in that motion.
-    - `motions`: of its coordinates per coordinate of a `BodyMotion`, residual shapes too, shape
-        `[dof, coordinate]`.
-    - `rows`: what is read per coordinate of the body, shape `[reading, dof]` [any unit].
-    - `answers`: of the body to these as loads, the seats held, shape `[reading, dof]`.
-    - `rotating`: as of `whole_motion`.
-
-    **Returns:**
-
-    Shape `[reading, coordinate]`.
+    They are tied by inertia and by terms of rotation, as natural modes are among each other.
     """
-    left = basis.left_out(answers, rows)
-    forces = [body.mass]
-    if rotating:
-        assert body.coriolis is not None
-        assert body.stress_stiffening is not None
-        assert body.spin_softening is not None
-        forces += [body.coriolis, body.stress_stiffening - body.spin_softening]
-    return np.concatenate([rows @ motions, *((left @ x) @ motions for x in forces)], axis=1)
+    system = dynamics.system
+    beside = np.flatnonzero(np.isin(dynamics.dofs, place.residual_dofs))
+    at, speed = np.ix_(own, beside), float(orbit.speed)
+    assert system.turning is not None
+    assert system.gyroscopic is not None
+    stiffens = np.asarray(system.turning.stiffness_at(orbit.speed))[at]
+    rates, mass = speed * np.asarray(system.gyroscopic)[at], np.asarray(system.mass)[at]
+    lengths = system.table.period_lengths
+    moved = fitted_harmonics(np.asarray(orbit.motion)[:, beside], lengths, None)
+    moved, s = moved[: len(frequency)], 1j * frequency[:, None]
+    return moved @ stiffens.T + s * (moved @ rates.T) + s**2 * (moved @ mass.T)
 
 
 # Entries of the matrices that are solved with at once: they stay in the processor's cache.
@@ -124,56 +224,38 @@ _AT_ONCE = 20_000
 
 
 def _answered(
-    system: DynamicSystem,
-    orbit: Orbit,
-    place: BodyPlace,
-    own: np.ndarray,
-    load: np.ndarray,
+    whole: WholeBody,
+    pressed: np.ndarray,
+    pushed: np.ndarray,
+    seats: np.ndarray,
+    shapes: np.ndarray,
     frequency: np.ndarray,
+    speed: float,
 ) -> np.ndarray:
-    """Motion of a body's modes, all else held, under loads on them, `[harmonic, mode]`.
+    r"""Motion of natural modes, `[harmonic, mode]`, of which the shapes had a part.
 
-    As the body is the same after each turn by a sector, waves that turn by different phases have
-    nothing to do with each other.
+    What moved the shapes, $Q$ of the modes, is their own dynamic stiffness $Q^TDQ$ times their
+    motion $y$. Of that the mesh coordinates' part is taken out and that of all cells put in, hence
+    $D(z - Qy) = f - Qf_y - (1 - QQ^T)(DQy + D_ss)$.
     """
-    at, turning = np.ix_(own, own), system.turning
-    assert turning is not None
-    stiffness = np.diag(place.square) + np.asarray(turning.stiffness_at(orbit.speed))[at]
-    # What holds the free rotation of the pair would hold the modes, of which it is a part.
-    rates = np.asarray(without_hold(system.damping, system.free))[at]
-    if system.gyroscopic is not None:
-        rates = rates + np.asarray(orbit.speed * system.gyroscopic)[at]
-    matrices = stiffness, rates, np.asarray(system.mass)[at]
-    waves, vectors = phases_of_waves(np.asarray(place.waves))
-    turned = [(vectors.conj().T @ each) @ vectors for each in matrices]
-    loaded, moved = load @ vectors.conj(), np.zeros(load.shape, dtype=complex)
-    for wave in np.unique(waves):
-        alike = np.flatnonzero(waves == wave)
-        still, rates, mass = (each[np.ix_(alike, alike)] for each in turned)
-        parts = max(1, min(len(load), len(load) * alike.size**2 // _AT_ONCE))
-        for some in np.array_split(np.arange(len(load)), parts):
-            s, at = 1j * frequency[some, None, None], np.ix_(some, alike)
-            matrix = still + s * rates + s**2 * mass
-            moved[at] = np.linalg.solve(matrix, loaded[at][:, :, None])[:, :, 0]
-    return moved @ vectors.T
-
-
-def _inertia(motion: BodyMotion, place: BodyPlace, *, rotating: bool) -> list[np.ndarray]:
-    r"""Amplitudes on the body: $-\ddot x$; with `rotating` $-\Omega\dot x$ and $-\Omega^2x$ too."""
-    waves, vectors, own = motion.turned
-    turns = np.full(len(motion.waves), True)
-    if not rotating:
-        seats = len(place.seats)
-        turns[:seats] = False
-        turns[seats:][: len(place.waves)] = np.asarray(place.diameters) >= LEAST_TURNING
-    turned = np.where(abs(vectors).T @ turns > 0.0, waves, 0)
-    rate = 1j * motion.numbers(turned[:, None]).T / motion.periods * abs(motion.speed)
-    forward, speed = np.exp(1j * waves * motion.angle), motion.speed
-    in_space = lambda own: (own * forward) @ vectors.T
-    if not rotating:
-        return [in_space(-(rate**2) * own)]
-    return [
-        in_space(-(rate**2) * own),
-        in_space(-speed * rate * own),
-        -(speed**2) * motion.amplitudes,
-    ]
+    waves = np.asarray(whole.modes.waves)
+    _, vectors = phases_of_waves(waves)
+    _, at_shapes = phases_of_waves(whole.shape_waves)
+    _, at_seats = phases_of_waves(seat_waves(whole.modes.seat_dofs))
+    pressed, seats = pressed @ vectors.conj(), seats @ at_seats.conj()
+    pushed, shapes = (each @ at_shapes.conj() for each in (pushed, shapes))
+    found = np.zeros(pressed.shape, dtype=complex)
+    for wave in whole.by_wave:
+        count = len(wave.modes)
+        parts = max(1, min(len(frequency), len(frequency) * count**2 // _AT_ONCE))
+        for some in np.array_split(np.arange(len(frequency)), parts):
+            matrix = wave.dynamic_stiffness(frequency[some], speed)
+            given = shapes[np.ix_(some, wave.shapes)] @ wave.into.T
+            known = np.concatenate([given, seats[np.ix_(some, wave.seats)]], axis=1)
+            left = (matrix @ known[:, :, None])[:, :, 0]
+            left -= (left @ wave.into.conj()) @ wave.into.T
+            load = pressed[np.ix_(some, wave.modes)] - left
+            load += pushed[np.ix_(some, wave.shapes)] @ wave.into.T
+            answer = np.linalg.solve(matrix[:, :, :count], load[:, :, None])[:, :, 0]
+            found[np.ix_(some, wave.modes)] = given + answer
+    return found @ vectors.T

@@ -22,11 +22,15 @@ class ShapedBody(NamedTuple):
     - `basis`: the combinations as a basis, without residual shapes.
     - `residual`: motion of its coordinates per part of a residual shape, as of
         `Combinations.residual_motions`, or `None`: there are none [kg^-1/2].
+    - `made_of`: natural modes that the combinations are made of, without residual shapes.
+    - `into`: the combinations by these, `[mode, combination]` [-].
     """
 
     flexible: FlexibleBody
     basis: BodyBasis
     residual: np.ndarray | None
+    made_of: BodyBasis
+    into: np.ndarray
 
 
 class Combinations(NamedTuple):
@@ -85,15 +89,18 @@ class Combinations(NamedTuple):
         The body.
         """
         own, residual = self.of_basis(basis), self.residual
+        made_of = lowest_modes(basis, 1 + int(np.flatnonzero(np.any(self.into, axis=1))[-1]))
+        into = self.into[: len(made_of.square)]
         found = body.moving(own)
         modes = found.modes
         if residual is None or not residual.square.size:
-            return ShapedBody(found, own, None)
+            return ShapedBody(found, own, None, made_of, into)
         assert modes is not None
         waves = residual.waves(np.asarray(wave_partners(basis.waves)[1]))
         parts = self.residual_motions(basis)
         beside = _beside(modes, body, own, residual, waves, parts)
-        return ShapedBody(dataclasses.replace(found, modes=beside), own, parts)
+        moving = dataclasses.replace(found, modes=beside)
+        return ShapedBody(moving, own, parts, made_of, into)
 
 
 def _beside(

@@ -1,6 +1,7 @@
 """The condensed bodies of a scene, built and put in mesh."""
 
 import dataclasses
+import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from itertools import groupby
@@ -56,6 +57,9 @@ class MeshBody:
     - `heated`: what heat does to it, or `None`: the scene gives no temperatures.
     - `residual`: its motion per part of its residual shapes, as of
         `Combinations.residual_motions`, or `None`: it has none [kg^-1/2].
+    - `made_of`: natural modes, as they repeat under its teeth, of which these motions are
+        combinations, or `None`: they are natural modes.
+    - `into`: the motions by these, `[mode, motion]`, or `None` [-].
     """
 
     built: BuiltBody
@@ -68,6 +72,16 @@ class MeshBody:
     family: BodyFamily | None = None
     heated: HeatedBody | None = None
     residual: np.ndarray | None = None
+    made_of: BodyBasis | None = None
+    into: np.ndarray | None = None
+
+    @functools.cached_property
+    def of_modes(self) -> FlexibleBody:
+        """Its tables on the natural modes of which its motions are combinations."""
+        if self.made_of is None:
+            return self.flexible
+        assert self.in_mesh is not None
+        return self.in_mesh.moving(self.made_of)
 
 
 # A condensed body that is not in mesh yet, and motions on which it vibrates; none for statics.
@@ -368,5 +382,11 @@ def _on_shapes(
     basis, more = lowest_modes(natural, count), lowest_modes(natural, _RICHER * count)
     richer = None if len(more.square) == len(basis.square) else lambda: on(more)
     return dataclasses.replace(
-        body, flexible=on(basis), basis=basis, on_modes=richer, residual=None
+        body,
+        flexible=on(basis),
+        basis=basis,
+        on_modes=richer,
+        residual=None,
+        made_of=None,
+        into=None,
     )

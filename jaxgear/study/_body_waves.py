@@ -27,12 +27,11 @@ from jaxgear._response._waves import (
     order_sums,
     waves_on_body,
 )
-from jaxgear._response._whole_motion import whole_motion
-from jaxgear._system._flexible import FlexibleBody
-from jaxgear._system._foot_tables import mode_loads
+from jaxgear._response._whole_motion import WholeBody, whole_motion
 from jaxgear._system._held_body import held_answers
 from jaxgear.scene._build_pair import pair_of
 from jaxgear.study._built import BuiltScene
+from jaxgear.study._dynamics import damping_of
 from jaxgear.study._gauges import Gauge, gauges_of
 from jaxgear.study._moving_body import MovingBody, moving_bodies
 from jaxgear.study._probes import Probe, probes_of
@@ -71,8 +70,7 @@ class Looked:
     - `probes`: of the scene.
     - `gauges`: of the scene, by seats and modes.
     - `angle`: of the body's x from S where the cycle begins [rad].
-    - `flexible`: its tables.
-    - `rotating`: whether it is in motion with its terms of rotation.
+    - `whole`: the body on natural modes.
     - `read`: what loads on the teeth do to the body, by rows of its coordinates and its answers.
     """
 
@@ -81,8 +79,7 @@ class Looked:
     probes: tuple[Probe, ...]
     gauges: tuple[Gauge, ...]
     angle: float
-    flexible: FlexibleBody
-    rotating: bool
+    whole: WholeBody
     read: Callable[[np.ndarray, np.ndarray], GaugeInfluences]
 
     @property
@@ -106,7 +103,7 @@ class Looked:
         """What its probes read, those that turn with the body apart from those that do not."""
         rows, found = np.concatenate([probe.coordinates for probe in self.probes]), []
         answers = held_answers(self.body.built.body, rows)
-        shown = self.body.whole_rows(rows, answers, rotating=self.rotating)
+        shown = rows @ self.body.natural.motions
         of = np.repeat(np.arange(len(self.probes)), [len(x.coordinates) for x in self.probes])
         for turns in (True, False):
             chosen = [n for n, probe in enumerate(self.probes) if probe.turns == turns]
@@ -126,11 +123,7 @@ class Looked:
         heat stand still on the body: its shapes show them.
         """
         force, index = forces_in_motion(pair, orbit, law), self.body.index
-        lines, gears = pair.cycle.cells.lines, pair.cycle.system.pair
-        load = np.asarray(mode_loads(gears, index, self.flexible, lines, force))
-        motion = whole_motion(
-            pair, orbit, index, load, orders, angle=self.angle, rotating=self.rotating
-        )
+        motion = whole_motion(self.whole, pair, orbit, index, force, orders, angle=self.angle)
         lengths, teeth, found = pair.system.table.period_lengths, self.body.teeth, {}
         for read in self._read:
             # What stands still sees the same in every cycle, what turns in every revolution.
@@ -302,8 +295,13 @@ def wave_watch(built: BuiltScene, pair: PairDynamics) -> WaveWatch:
             probes=probes,
             gauges=gauges,
             angle=angle,
-            flexible=scene.bodies[gear].flexible,
-            rotating=scene.model.gyroscopic,
+            whole=WholeBody(
+                flexible=scene.bodies[gear].of_modes,
+                into=scene.bodies[gear].into,
+                shape_waves=body.basis.waves,
+                damping=damping_of(scene.damping),
+                rotating=scene.model.gyroscopic,
+            ),
             read=functools.partial(_read, built, body),
         )
     return WaveWatch(pair, looked, max(1, scene.sweep.orders), built.law)

@@ -16,7 +16,6 @@ from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._response._body_motion import beyond_rest
 from jaxgear._response._dynamic import forces_in_motion
 from jaxgear._response._waves import BodyMotion, Circle, circle_of
-from jaxgear._response._whole_motion import whole_rows
 from jaxgear._solve._cycle import MeshCycle
 from jaxgear._system._body_modes import BodyBasis
 from jaxgear._system._held_body import held_answers
@@ -40,6 +39,7 @@ class MovingBody:
     - `gear`: `pinion` or `wheel`.
     - `built`: the body.
     - `basis`: its motions, as the pair in motion has them.
+    - `natural`: natural modes of which these are combinations.
     - `teeth`: of the gear.
     - `gear_seat`: number of the seat against which waves are told.
     - `residual`: motion of its coordinates per part of a residual shape, as of
@@ -51,6 +51,7 @@ class MovingBody:
     gear: str
     built: BuiltBody
     basis: BodyBasis
+    natural: BodyBasis
     teeth: int
     gear_seat: int = 0
     residual: np.ndarray | None = None
@@ -134,11 +135,6 @@ class MovingBody:
             result[inside] = fem_prep.displacement_rows(self._held, body, chosen[inside])
         return result
 
-    def whole_rows(self, rows: np.ndarray, answers: np.ndarray, *, rotating: bool) -> np.ndarray:
-        """What is read of it per coordinate of a `whole_motion`, as of `whole_rows`."""
-        body = self.built.body
-        return whole_rows(body, self.basis, self.motions, rows, answers, rotating=rotating)
-
     def field(self, motions: np.ndarray) -> np.ndarray:
         """Displacements of all nodes in motions of the condensed body, `[column, node, 3]` [m]."""
         if not self.has_grid:
@@ -204,10 +200,11 @@ def moving_bodies(
         sectors = mesh_body.built.body.facts.get("sectors", 1)
         teeth, seat = gears[gear].teeth, mesh_body.flexible.gear_seat
         basis, _ = mesh_body.basis.under_teeth(teeth, sectors)
+        natural = basis if mesh_body.made_of is None else mesh_body.made_of
         heated, dofs = mesh_body.heated, mesh_body.built.body.dofs
         load = np.zeros((0, dofs)) if heated is None else heated.load
         found[gear] = MovingBody(
-            gear, mesh_body.built, basis, teeth, seat, mesh_body.residual, load
+            gear, mesh_body.built, basis, natural, teeth, seat, mesh_body.residual, load
         )
     return found
 

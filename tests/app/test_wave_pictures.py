@@ -87,7 +87,8 @@ def scene(tmp_path_factory):
     flexible = object.__new__(FlexibleBody)
     object.__setattr__(flexible, "gear_seat", built.body.seats.index("torque"))
     basis = body_basis(built.body, 16)
-    body = SimpleNamespace(built=built, basis=basis, flexible=flexible, heated=None, residual=None)
+    shapes = dict(basis=basis, made_of=None, into=None, residual=None)
+    body = SimpleNamespace(built=built, flexible=flexible, of_modes=flexible, heated=None, **shapes)
     return dataclasses.replace(scene, bodies={"wheel": body})
 
 
@@ -273,7 +274,7 @@ def test_probes_say_what_they_cannot_see(scene, watch):
         seen_by(at(**{"probes[1].gear": "pinion"}), body)
     bare = dataclasses.replace(body.built.body, nodes=np.zeros((0, 3)), bricks=np.zeros((0, 20)))
     built = dataclasses.replace(body.built, body=bare, view=None)
-    rim_only = MovingBody("wheel", built, body.basis, TEETH)
+    rim_only = MovingBody("wheel", built, body.basis, body.natural, TEETH)
     with pytest.raises(InputError, match="Of a body without a grid only the rim is known"):
         seen_by(scene, rim_only)
     (usual, *_) = _probes._usual(rim_only)

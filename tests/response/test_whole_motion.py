@@ -8,7 +8,6 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
-import scipy
 from helpers import assert_close
 from hybrid_cases import APART, PAIRS, ROUND, TEETH, Dense, Gear, body, relieved
 
@@ -16,15 +15,15 @@ import jaxgear as jg
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._pair_dynamics import pair_dynamics
 from jaxgear._geometry._lines import contact_lines
-from jaxgear._response._body_motion import rotating_spectrum, start_angle
-from jaxgear._response._gauges import gauge_influences, rest_readings
-from jaxgear._response._spectrum import joined_spectra, spectrum_of_steps
-from jaxgear._response._whole_motion import whole_motion, whole_rows
+from jaxgear._response._body_motion import body_motion, rotating_spectrum, start_angle
+from jaxgear._response._gauges import GaugeInfluences, gauge_influences, rest_readings
+from jaxgear._response._spectrum import fitted_harmonics, joined_spectra, spectrum_of_steps
+from jaxgear._response._whole_motion import WholeBody, whole_motion
 from jaxgear._system._body_modes import BodyBasis, body_basis
-from jaxgear._system._body_tables import flexible_body
+from jaxgear._system._body_tables import body_in_mesh, flexible_body
+from jaxgear._system._excited_shapes import excited_shapes
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._foot_tables import mode_arms, mode_loads
-from jaxgear._system._held_body import held_answers
 
 _PHASES = 8
 _SPRINGS = np.array([[1e8, 1e8, 3e8, 1e5, 1e5, np.inf]])
@@ -38,40 +37,77 @@ _DAMPING = jg.RayleighDamping(mass_factor=0.0, stiffness_factor=0.0)
 class _Case(NamedTuple):
     """A wheel in motion, what is read of it, and forces on its teeth."""
 
-    grid: jg.MeshGrid
     basis: BodyBasis
-    flexible: FlexibleBody
+    body: WholeBody
     dynamics: jg.PairDynamics
-    rows: np.ndarray
-    force: np.ndarray
+    gauges: GaugeInfluences
+    force: jnp.ndarray
 
 
 def _own():
     return body("helical", layers=1, rotating=True)
 
 
+def _sectors() -> int:
+    sectors = _own().facts["sectors"]
+    assert isinstance(sectors, int)
+    return sectors
+
+
+@functools.cache
+def _rows() -> np.ndarray:
+    """What is read of the wheel: its seat does not count."""
+    rows = np.random.default_rng(4).normal(size=(2, _own().dofs))
+    rows[:, _seat()] = 0.0
+    return rows
+
+
+def _seat() -> np.ndarray:
+    return 3 * len(_own().rim_nodes) + np.arange(6)
+
+
+@functools.cache
+def _basis(count: int) -> BodyBasis:
+    """So many natural modes; 0: all."""
+    return body_basis(_own(), count).under_teeth(TEETH[1], _sectors())[0]
+
+
+def _dynamics(flexible: FlexibleBody, damping=_DAMPING, *, rotating: bool = True):
+    model = jg.PairModel(
+        PAIRS["helical"](), 60.0, relieved(), APART, wheel_support=ROUND, wheel_body=flexible
+    )
+    grid = _grid()
+    made = lambda m: pair_dynamics(m, grid, damping, gyroscopic=rotating, mesh_coordinates=4)
+    return eqx.filter_jit(made)(model)
+
+
+def _grid():
+    return jg.mesh_grid(PAIRS["helical"](), phases=_PHASES, slices=2, periods=1)
+
+
 @functools.cache
 def _case(count: int) -> _Case:
     """On so many natural modes; 0: on all."""
-    pair, own = PAIRS["helical"](), _own()
-    grid = jg.mesh_grid(pair, phases=_PHASES, slices=2, periods=1)
-    sectors = own.facts["sectors"]
-    assert isinstance(sectors, int)
-    basis, _ = body_basis(own, count).under_teeth(TEETH[1], sectors)
-    flexible = flexible_body(own, pair, 1, grid, basis=basis)
-    model = jg.PairModel(pair, 60.0, relieved(), APART, wheel_support=ROUND, wheel_body=flexible)
-    made = lambda m: pair_dynamics(m, grid, _DAMPING, gyroscopic=True, mesh_coordinates=4)
-    dynamics = eqx.filter_jit(made)(model)
-    draw = np.random.default_rng(4)
-    rows = draw.normal(size=(2, own.dofs))
-    rows[:, 3 * len(own.rim_nodes) :][:, :6] = 0.0
-    force = 1e3 * draw.uniform(size=(_PHASES, dynamics.cycle.cells.lines.roll[0].size))
-    return _Case(grid, basis, flexible, dynamics, rows, force)
+    pair, own, basis = PAIRS["helical"](), _own(), _basis(count)
+    flexible = flexible_body(own, pair, 1, _grid(), basis=basis)
+    dynamics = _dynamics(flexible)
+    gauges = gauge_influences(
+        own, _rows(), np.zeros(2), pair, 1, _grid(), components=flexible.components
+    )
+    cells = dynamics.cycle.cells.lines.roll[0].size
+    force = jnp.asarray(1e3 * np.random.default_rng(7).uniform(size=(_PHASES, cells)))
+    return _Case(basis, _whole(flexible), dynamics, gauges, force)
 
 
-def _orbit(case: _Case, speed: float) -> Orbit:
+def _whole(flexible: FlexibleBody, damping=_DAMPING, *, rotating: bool = True) -> WholeBody:
+    """A body whose shapes are natural modes."""
+    assert flexible.modes is not None
+    return WholeBody(flexible, None, np.asarray(flexible.modes.waves), damping, rotating)
+
+
+def _orbit(dynamics: jg.PairDynamics, speed: float) -> Orbit:
     """A response in which nothing moves yet: all loads are beside the mesh coordinates."""
-    system, zero = case.dynamics.system, jnp.zeros(())
+    system, zero = dynamics.system, jnp.zeros(())
     return Orbit(
         speed=jnp.asarray(speed),
         place=system.rest,
@@ -84,25 +120,18 @@ def _orbit(case: _Case, speed: float) -> Orbit:
     )
 
 
-def _read(case: _Case, speed: float) -> np.ndarray:
+def _read(case: _Case, dynamics: jg.PairDynamics, orbit: Orbit) -> np.ndarray:
     """What is read of the wheel at some orders."""
-    pair, dynamics = PAIRS["helical"](), case.dynamics
-    own, orbit, force = _own(), _orbit(case, speed), jnp.asarray(case.force)
-    load = mode_loads(pair, 1, case.flexible, dynamics.cycle.cells.lines, force)
-    turned = start_angle(pair, 1)
-    motion = whole_motion(dynamics, orbit, 1, np.asarray(load), 3, angle=turned, rotating=True)
-    answers, seen = held_answers(own, case.rows), case.basis.motions
-    shown = whole_rows(own, case.basis, seen, case.rows, answers, rotating=True)
-    parts = case.flexible.components
-    gauges = gauge_influences(own, case.rows, np.zeros(2), pair, 1, case.grid, components=parts)
-    readings, _ = rest_readings(gauges, dynamics, orbit, force, TEETH[1])
-    still = spectrum_of_steps(np.asarray(readings), _lengths(case), TEETH[1])
-    whole = joined_spectra(rotating_spectrum(motion, shown), still)
+    turned = start_angle(PAIRS["helical"](), 1)
+    motion = whole_motion(case.body, dynamics, orbit, 1, case.force, 3, angle=turned)
+    readings, _ = rest_readings(case.gauges, dynamics, orbit, case.force, TEETH[1])
+    still = spectrum_of_steps(np.asarray(readings), _lengths(dynamics), TEETH[1])
+    whole = joined_spectra(rotating_spectrum(motion, _rows() @ case.basis.motions), still)
     return np.array([whole.near(order) for order in ORDERS])
 
 
-def _lengths(case: _Case) -> np.ndarray:
-    return np.asarray(case.dynamics.system.table.lengths)
+def _lengths(dynamics: jg.PairDynamics) -> np.ndarray:
+    return np.asarray(dynamics.system.table.lengths)
 
 
 @functools.cache
@@ -115,26 +144,30 @@ def _rows_of_cells() -> np.ndarray:
     return np.stack([dense.rows(1, phase) for phase in range(_PHASES * TEETH[1])])
 
 
-def _dense(case: _Case, speed: float) -> np.ndarray:
-    """The same of all coordinates of the body, with its seats held."""
-    own, turning = _own(), -speed * TEETH[0] / TEETH[1]
+def _dense(case: _Case, speed: float, seats: np.ndarray | None = None) -> np.ndarray:
+    """The same of all coordinates of the body, with its seats held, or moving, `[order, 6]`."""
+    own, turning, lengths = _own(), -speed * TEETH[0] / TEETH[1], _lengths(case.dynamics)
     force = np.tile(case.force, (TEETH[1], 1))
     pressed = -np.einsum("pc,pcd->pd", force, _rows_of_cells())
-    load = spectrum_of_steps(pressed, _lengths(case), TEETH[1])
-    first = 3 * len(own.rim_nodes)
-    inner = np.setdiff1d(np.arange(own.dofs), np.arange(first, first + 6))
-    at = np.ix_(inner, inner)
+    load = spectrum_of_steps(pressed, lengths, TEETH[1])
+    inner = np.setdiff1d(np.arange(own.dofs), _seat())
     assert own.coriolis is not None
     assert own.stress_stiffening is not None
     assert own.spin_softening is not None
-    softening = (own.stress_stiffening - own.spin_softening)[at]
+    softening = own.stress_stiffening - own.spin_softening
     found = []
-    for order in ORDERS:
+    for place, order in enumerate(ORDERS):
         s = 1j * order * abs(turning)
-        matrix = own.stiffness[at] + turning**2 * softening
-        matrix = matrix + s * turning * own.coriolis[at] + s**2 * own.mass[at]
-        answer = np.linalg.solve(matrix, load.near(order)[inner])
-        found.append(case.rows[:, inner] @ answer)
+        matrix = own.stiffness + turning**2 * softening + s * turning * own.coriolis
+        matrix = (matrix + s**2 * own.mass)[inner]
+        given = load.near(order)[inner]
+        if seats is not None:
+            # Following the seats is no strain of the body, but rounding of its stiffness would be.
+            matrix_seat = matrix @ case.basis.following
+            answer = np.linalg.solve(matrix[:, inner], given - matrix_seat @ seats[place])
+            found.append(_rows() @ case.basis.following @ seats[place] + _rows()[:, inner] @ answer)
+        else:
+            found.append(_rows()[:, inner] @ np.linalg.solve(matrix[:, inner], given))
     return np.array(found)
 
 
@@ -142,81 +175,150 @@ def _dense(case: _Case, speed: float) -> np.ndarray:
 def test_on_all_modes_it_is_the_motion_of_all_coordinates(speed):
     case = _case(0)
     wanted = _dense(case, speed)
-    assert_close(_read(case, speed), wanted, rtol=1e-6, atol=1e-7 * np.abs(wanted).max())
+    found = _read(case, case.dynamics, _orbit(case.dynamics, speed))
+    assert_close(found, wanted, rtol=1e-6, atol=1e-7 * np.abs(wanted).max())
 
 
 def test_what_few_modes_leave_out_falls_with_the_square_of_the_speed():
     case, off = _case(7), []
     for speed in (150.0, 300.0, 600.0):
         wanted = _dense(case, speed)
-        off.append(np.linalg.norm(_read(case, speed) - wanted) / np.linalg.norm(wanted))
+        found = _read(case, case.dynamics, _orbit(case.dynamics, speed))
+        off.append(np.linalg.norm(found - wanted) / np.linalg.norm(wanted))
     assert off[1] < 1e-3
     assert off[0] / off[1] == pytest.approx(0.25, rel=0.1)
     assert off[1] / off[2] == pytest.approx(0.25, rel=0.2)
 
 
-@pytest.mark.parametrize("rotating", [True, False])
-def test_inertia_is_that_of_the_motion_on_the_body(rotating):
-    """Against differences of a motion that is turned back by a matrix."""
-    case, speed, own = _case(12), 900.0, _own()
-    pair, turning = PAIRS["helical"](), speed * TEETH[0] / TEETH[1]
-    place, system = case.dynamics.bodies[0], case.dynamics.system
-    moved = np.r_[list(place.seats), place.mode_dofs]
-    swing = np.zeros((2, system.mass.shape[0]))
-    swing[:, np.isin(case.dynamics.dofs, moved)] = np.random.default_rng(9).normal(
-        size=(2, np.isin(case.dynamics.dofs, moved).sum())
-    )
-    lengths = _lengths(case)
+# --- On combinations of modes, and with its seat in motion
+
+
+@functools.cache
+def _shaped() -> tuple[jg.PairDynamics, np.ndarray, np.ndarray]:
+    """A wheel on few shapes and residual ones; all modes' combinations that they are, and waves."""
+    pair, own, basis = PAIRS["helical"](), _own(), _basis(0)
+    repeats = body_basis(own, 0).repeats(TEETH[1], _sectors())
+    in_mesh = body_in_mesh(own, pair, 1, _grid(), repeats)
+    found = excited_shapes(basis, in_mesh, pair, 1, _grid(), 12)
+    assert found is not None
+    shaped = found.of_body(in_mesh, basis)
+    assert shaped.residual is not None
+    assert_close(shaped.into, found.into[: len(shaped.made_of.square)], rtol=0.0, atol=0.0)
+    assert np.all(found.into[len(shaped.made_of.square) :] == 0.0)
+    return _dynamics(shaped.flexible), found.into, found.waves
+
+
+def _own_dofs(dynamics: jg.PairDynamics) -> list[np.ndarray]:
+    """Which of its degrees of freedom are the wheel's seat, its modes and its residual shapes."""
+    (place,), dofs = dynamics.bodies, np.asarray(dynamics.dofs)
+    each = list(place.seats), place.mode_dofs, place.residual_dofs
+    return [np.flatnonzero(np.isin(dofs, some)) for some in each]
+
+
+def _dynamic_stiffness(dynamics: jg.PairDynamics, speed: float, harmonic: int) -> np.ndarray:
+    """Of the structure without mesh, damping and springs of no meaning, in space."""
+    system, frequency = dynamics.system, harmonic * TEETH[0] * speed
+    assert system.turning is not None
+    assert system.gyroscopic is not None
+    matrix = np.asarray(system.turning.stiffness_at(jnp.asarray(speed))).astype(complex)
+    (place,) = dynamics.bodies
+    own = _own_dofs(dynamics)
+    alone = np.r_[own[1], own[2]]
+    matrix[alone, alone] += np.r_[place.square, place.residual]
+    matrix += 1j * frequency * speed * np.asarray(system.gyroscopic)
+    return matrix - frequency**2 * np.asarray(system.mass)
+
+
+def _in_time(dynamics: jg.PairDynamics, amplitudes: np.ndarray) -> np.ndarray:
+    """What has such harmonics, from the zeroth, in the middles of the steps."""
+    lengths = _lengths(dynamics)
     middles = 2.0 * np.pi * (np.cumsum(lengths) - 0.5 * lengths)
-    waves = np.stack([np.cos(middles), np.sin(middles)], axis=1)
-    orbit = dataclasses.replace(_orbit(case, speed), motion=jnp.asarray(waves @ swing))
-    none, begin = np.zeros((_PHASES, case.basis.square.size)), start_angle(pair, 1)
-    motion = whole_motion(case.dynamics, orbit, 1, none, 3, angle=begin, rotating=rotating)
-    answers, basis = held_answers(own, case.rows), case.basis
-    shown = whole_rows(own, basis, basis.motions, case.rows, answers, rotating=rotating)
-    # Of inertia alone.
-    shown[:, : basis.motions.shape[1]] = 0.0
-    found = rotating_spectrum(motion, shown)
+    waves = np.exp(1j * np.multiply.outer(middles, np.arange(len(amplitudes))))
+    return np.real(waves @ amplitudes)
 
-    whole = np.zeros((2, max(case.dynamics.dofs) + 1))
-    whole[:, list(case.dynamics.dofs)] = swing
-    one, other = whole[:, moved]
-    slow = np.r_[np.zeros(6), basis.diameters] < 2
 
-    def on_body(angle: float) -> tuple[np.ndarray, np.ndarray]:
-        """Motion where the wheel has turned so far: what turns with it, and what stands still."""
-        tooth = TEETH[1] * angle
-        in_space = np.cos(tooth) * one + np.sin(tooth) * other
-        # It turns about -Z.
-        back = scipy.linalg.expm(-(begin - angle) * basis.turning)
-        if rotating:
-            return back @ in_space, np.zeros_like(in_space)
-        return back @ np.where(slow, 0.0, in_space), back @ np.where(slow, in_space, 0.0)
+def _drawn(draw: np.random.Generator, size: int) -> np.ndarray:
+    """Amplitudes of all harmonics."""
+    found = draw.normal(size=(3, size)) + 1j * draw.normal(size=(3, size))
+    found[0] = np.real(found[0])
+    return found
 
-    step, at = 1e-4, 0.37
-    before, now, after = (on_body(at + i * step)[0] for i in (-1, 0, 1))
-    faster = (before - 2.0 * now + after) * (turning / step) ** 2
-    faster -= (TEETH[1] * turning) ** 2 * on_body(at)[1]
-    fast, now = (after - before) * turning / (2.0 * step), now + on_body(at)[1]
-    inertia = -own.mass @ basis.motions @ faster
-    if rotating:
-        assert own.coriolis is not None
-        assert own.stress_stiffening is not None
-        assert own.spin_softening is not None
-        inertia += turning * own.coriolis @ basis.motions @ fast
-        softening = own.stress_stiffening - own.spin_softening
-        inertia -= turning**2 * softening @ basis.motions @ now
-    left = answers - ((case.rows @ basis.shapes) / basis.square) @ basis.shapes.T
-    wanted = left @ inertia
-    assert_close(found.at(np.array([at]))[0], wanted, rtol=1e-5, atol=0.0)
+
+@pytest.mark.parametrize("speed", [300.0, 2000.0])
+def test_on_combinations_of_modes_it_is_the_motion_of_all_coordinates(speed):
+    """However few, whatever their own load, and with residual shapes beside them."""
+    case, draw = _case(0), np.random.default_rng(11)
+    dynamics, into, waves = _shaped()
+    case = case._replace(body=WholeBody(case.body.flexible, into, waves, _DAMPING, rotating=True))
+    seat, modes, residual = _own_dofs(dynamics)
+    load, vectors = _drawn(draw, 6), np.asarray(dynamics.system.vectors)[:, :6]
+    load *= 1e3
+    motion = np.zeros((3, len(dynamics.dofs)), dtype=complex)
+    motion[:, seat] = 1e-6 * _drawn(draw, len(seat))
+    motion[:, residual] = 1e-6 * _drawn(draw, len(residual))
+    for harmonic in range(3):
+        matrix = _dynamic_stiffness(dynamics, speed, harmonic)[modes]
+        pushed = -vectors[modes] @ load[harmonic] - matrix @ motion[harmonic]
+        motion[harmonic, modes] = np.linalg.solve(matrix[:, modes], pushed)
+    orbit = _orbit(dynamics, speed)
+    orbit = dataclasses.replace(
+        orbit,
+        motion=jnp.asarray(_in_time(dynamics, motion)),
+        load=jnp.asarray(_in_time(dynamics, load)),
+    )
+    wanted = _dense(case, speed, _seats_on_body(dynamics, orbit))
+    assert_close(_read(case, dynamics, orbit), wanted, rtol=1e-6, atol=1e-7 * np.abs(wanted).max())
+
+
+def _seats_on_body(dynamics: jg.PairDynamics, orbit: Orbit) -> np.ndarray:
+    """Motion of the seat as the body has it, at the orders, `[order, 6]`."""
+    motion = body_motion(dynamics, orbit, 1)
+    rows = np.eye(6, motion.amplitudes.shape[1])
+    found = rotating_spectrum(motion, rows)
+    return np.array([found.near(order) for order in ORDERS])
+
+
+@pytest.mark.parametrize("rotating", [True, False])
+def test_modes_beside_the_shapes_move_as_those_of_the_structure_do(rotating):
+    """With damping, and also where rigid motions do not turn with the body."""
+    rate, speed, draw = 900.0, 1200.0, np.random.default_rng(3)
+    damping = jg.RayleighDamping(mass_factor=rate, stiffness_factor=0.0)
+    few, many = _case(12), _case(30)
+    shapes = len(few.basis.square)
+    into = np.eye(len(many.basis.square), shapes)
+    flexible = many.body.flexible
+    body = WholeBody(flexible, into, few.basis.waves, damping, rotating)
+    dynamics = _dynamics(few.body.flexible, damping, rotating=rotating)
+    seat, own, _ = _own_dofs(dynamics)
+    motion = np.zeros((3, len(dynamics.dofs)), dtype=complex)
+    motion[:, np.r_[seat, own]] = 1e-6 * _drawn(draw, len(seat) + len(own))
+    orbit = _orbit(dynamics, speed)
+    orbit = dataclasses.replace(orbit, motion=jnp.asarray(_in_time(dynamics, motion)))
+    turned = start_angle(PAIRS["helical"](), 1)
+    found = whole_motion(body, dynamics, orbit, 1, many.force, 3, angle=turned).amplitudes[:, 6:]
+
+    whole = _dynamics(flexible, damping, rotating=rotating)
+    load = mode_loads(PAIRS["helical"](), 1, flexible, whole.cycle.cells.lines, many.force)
+    pressed = fitted_harmonics(np.asarray(load), _lengths(whole), None)
+    seat, modes, _ = _own_dofs(whole)
+    for harmonic in range(3):
+        matrix = _dynamic_stiffness(whole, speed, harmonic)[modes]
+        matrix[:, modes] += 1j * rate * harmonic * TEETH[0] * speed * np.eye(len(modes))
+        moved = motion[harmonic, np.r_[_own_dofs(dynamics)[0], own]]
+        by_seat = matrix[:, seat] @ moved[: len(seat)]
+        # Whatever moves the shapes does so here too.
+        right = pressed[harmonic] - by_seat
+        right[:shapes] += (matrix[:, modes[:shapes]] @ moved[len(seat) :] + by_seat)[:shapes]
+        wanted = np.linalg.solve(matrix[:, modes], right) - pressed[harmonic] / many.basis.square
+        assert_close(found[harmonic], wanted, rtol=1e-7, atol=1e-9 * np.abs(wanted).max())
 
 
 def test_loads_on_modes_are_those_of_the_arms():
     case = _case(12)
     pair, lines = PAIRS["helical"](), case.dynamics.cycle.cells.lines
-    arms = mode_arms(pair, 1, case.flexible, lines)
+    arms = mode_arms(pair, 1, case.body.flexible, lines)
     wanted = -np.einsum("pcm,pc->pm", np.asarray(arms), case.force)
-    once = mode_loads(pair, 1, case.flexible, lines, jnp.asarray(case.force))
-    twice = mode_loads(pair, 1, case.flexible, lines, jnp.asarray(np.tile(case.force, (2, 1))))
+    once = mode_loads(pair, 1, case.body.flexible, lines, case.force)
+    twice = mode_loads(pair, 1, case.body.flexible, lines, jnp.tile(case.force, (2, 1)))
     assert_close(np.asarray(once), wanted, rtol=1e-12, atol=1e-12 * np.abs(wanted).max())
     assert_close(np.asarray(twice), np.tile(wanted, (2, 1)), rtol=1e-12, atol=1e-20)
