@@ -37,6 +37,10 @@ def cell_forces(mesh: Mesh, place: Coordinates, law: AbstractContactLaw) -> tupl
     Forces [N] and overlaps, what the bodies yield subtracted [m].
     """
     free = mesh.arms @ place - mesh.gap
+    if mesh.bearing is not None and mesh.coupling is not None and isinstance(law, ExactContact):
+        none = mesh.arms[:, :0]
+        force, _ = _exact_forces(mesh.stiffness, mesh.coupling, free, none, mesh.bearing)
+        return force, free - body_yield(mesh.coupling, force)
     return _shared_forces(mesh.stiffness, mesh.coupling, free, law)
 
 
@@ -113,8 +117,12 @@ def _searched(
     free: Cells,
     arms: CellArms,
     symmetric: bool,
+    bearing: Coupling | None = None,
 ) -> tuple[Cells, CellColumns]:
-    """Forces, and those per mesh coordinate with the contact of the step before the last."""
+    """Forces, and those per mesh coordinate with the contact of the step before the last.
+
+    Where all cells bear, `bearing` tells both.
+    """
 
     def missing_at(force: Cells) -> tuple[Cells, Cells]:
         compression, slope = _pressed(law, free - body_yield(coupling, force))
@@ -133,37 +141,93 @@ def _searched(
         force = jnp.where(done, force, force + step[:, -1])
         pushed = jnp.where(done, pushed, step[:, :-1])
         missing, tangent = missing_at(force)
-        found = jnp.max(jnp.abs(missing)) <= _MISSING * jnp.max(stiffness * jnp.abs(free))
-        return force, missing, tangent, pushed, done | found, steps + 1
+        return force, missing, tangent, pushed, done | is_found(missing), steps + 1
+
+    def is_found(missing: Cells) -> Flag:
+        return jnp.max(jnp.abs(missing)) <= _MISSING * jnp.max(stiffness * jnp.abs(free))
 
     def unfinished(state):
         return ~state[4] & (state[5] < _MOST_STEPS)
 
     none = jnp.zeros_like(free)
-    first = none, *missing_at(none), jnp.zeros_like(arms), jnp.asarray(False), 0
+    begin, pushed, done = none, jnp.zeros_like(arms), jnp.asarray(False)
+    if bearing is not None:
+        force = bearing @ (stiffness * free)
+        # Once more for what rounding leaves.
+        force = force + bearing @ missing_at(force)[0]
+        done = is_found(missing_at(force)[0]) & jnp.all(force >= 0.0)
+        begin = jnp.where(done, force, none)
+        pushed = jnp.where(done, bearing @ (stiffness[:, None] * arms), pushed)
+    first = begin, *missing_at(begin), pushed, done, 0
     force, _, _, pushed, _, _ = jax.lax.while_loop(unfinished, body, first)
     return force, pushed
 
 
 @jax.custom_jvp
 def _exact_forces(
-    stiffness: Cells, coupling: Coupling, free: Cells, arms: CellArms
+    stiffness: Cells,
+    coupling: Coupling,
+    free: Cells,
+    arms: CellArms,
+    bearing: Coupling | None,
 ) -> tuple[Cells, CellColumns]:
     """Forces with exact contact, and those per mesh coordinate: by the factor of the last step.
 
     The cells that were closed in it are those that are closed in the end.
     """
-    return _searched(ExactContact(), stiffness, coupling, free, arms, True)
+    return _searched(ExactContact(), stiffness, coupling, free, arms, True, bearing)
 
 
 @_exact_forces.defjvp
 def _exact_forces_tangent(primals, tangents):
+    bearing = primals[4]
+
     def one_by_one(stiffness, coupling, free, arms):
-        force = forces_between_all(ExactContact(), stiffness, coupling, free)
+        if bearing is None:
+            force = forces_between_all(ExactContact(), stiffness, coupling, free)
+        else:
+            force = _forces_on_the_way(stiffness, coupling, free, bearing)
         _, slope = _pressed(ExactContact(), free - body_yield(coupling, force))
         return force, tangent_columns(stiffness * slope, coupling, arms)
 
-    return jax.jvp(one_by_one, primals, tangents)
+    return jax.jvp(one_by_one, primals[:4], tangents[:4])
+
+
+@jax.custom_jvp
+def _forces_on_the_way(
+    stiffness: Cells, coupling: Coupling, free: Cells, bearing: Coupling
+) -> Cells:
+    """Forces with exact contact. Their derivatives, forward only, need no factor where all bear."""
+    return _exact_forces(stiffness, coupling, free, free[:, None][:, :0], bearing)[0]
+
+
+@_forces_on_the_way.defjvp
+def _forces_on_the_way_tangent(primals, tangents):
+    stiffness, coupling, free, bearing = primals
+    force, law = _forces_on_the_way(*primals), ExactContact()
+
+    def pressed(stiffness, coupling, free):
+        return stiffness * law.compression(free - body_yield(coupling, force))
+
+    _, change = jax.jvp(pressed, primals[:3], tangents[:3])
+    _, slope = _pressed(law, free - body_yield(coupling, force))
+    arms = change[:, None][:, :0]
+    return force, _shared_with_bearing(bearing, coupling, stiffness, slope, arms, change)[:, 0]
+
+
+def _shared_with_bearing(
+    bearing: Coupling,
+    coupling: Coupling,
+    stiffness: Cells,
+    closed: Cells,
+    arms: CellArms,
+    force: Cells,
+) -> CellColumns:
+    """As `shared_where_needed`, with so much of each cell closed: no factor where all are."""
+    whole = jnp.all((closed == 1.0) | (stiffness == 0.0))
+    found = shared_where_needed(coupling, stiffness * closed, arms, force, ~whole)
+    borne = bearing @ jnp.column_stack([stiffness[:, None] * arms, force])
+    return jnp.where(whole, borne, found)
 
 
 def _pressed(law: AbstractContactLaw, overlap: Cells) -> tuple[Cells, Cells]:
@@ -196,7 +260,7 @@ def _pressed_cells(
     """Force and overlap of each cell, and the forces per mesh coordinate."""
     if isinstance(law, ExactContact) and mesh.coupling is not None and mesh.coupling.ndim == 2:
         free = mesh.arms @ place - mesh.gap
-        force, pushed = _exact_forces(mesh.stiffness, mesh.coupling, free, mesh.arms)
+        force, pushed = _exact_forces(mesh.stiffness, mesh.coupling, free, mesh.arms, mesh.bearing)
         return force, free - body_yield(mesh.coupling, force), pushed
     force, overlap = cell_forces(mesh, place, law)
     _, slope = _pressed(law, overlap)
@@ -263,8 +327,12 @@ def mean_tangent(
     moves = jnp.abs(change) > 0.0
     closing = (law.compression(ended) - law.compression(begun)) / jnp.where(moves, change, 1.0)
     closed = jnp.where(moves, closing, jnp.where(begun > 0.0, 1.0, 0.0))
-    columns = tangent_columns(middle.stiffness * closed, middle.coupling, middle.arms)
-    return middle.arms.T @ columns
+    if middle.bearing is None or middle.coupling is None:
+        columns = tangent_columns(middle.stiffness * closed, middle.coupling, middle.arms)
+        return middle.arms.T @ columns
+    own = middle.bearing, middle.coupling, middle.stiffness
+    columns = _shared_with_bearing(*own, closed, middle.arms, jnp.zeros_like(closed))
+    return middle.arms.T @ columns[:, :-1]
 
 
 def _overlaps(mesh: Mesh, place: Coordinates) -> tuple[Cells, CellColumns]:

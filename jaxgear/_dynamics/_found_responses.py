@@ -4,6 +4,7 @@ And a way that is halved comes to the response at its end that was too far for o
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -14,21 +15,24 @@ from jaxgear._types import Scalar
 # Approaches that differ by less than this, relative to their swing, are those of one response.
 SAME = 1e-6
 
-# So many are kept whole: of a long cycle each has tens of megabytes.
-_WHOLE = 4
+# So many numbers of motion are kept, 40 megabytes, or those of the last few responses: of a long
+# cycle each has tens of megabytes.
+_NUMBERS, _LEAST = 5_000_000, 4
 
 
 @dataclass
 class FoundResponse:
     """A response: its approach in mid-steps [m] and its harmonics [m, rad].
 
-    And, as long as they are known and kept, its largest multipliers and the response itself.
+    And, as long as they are known and kept, its largest multipliers, the response itself, and what
+    others have measured of it.
     """
 
     approach: np.ndarray
     terms: Terms
     point: SweepPoint | None
     multipliers: np.ndarray | None = None
+    numbers: Any = None
 
 
 class FoundResponses:
@@ -58,5 +62,6 @@ class FoundResponses:
         key = float(point.orbit.speed), point.multiple
         self.all.setdefault(key, []).append(each)
         self.whole.append(each)
-        if len(self.whole) > _WHOLE:
+        most = max(_LEAST, _NUMBERS // point.orbit.motion.size)
+        while len(self.whole) > most:
             self.whole.pop(0).point = None

@@ -30,6 +30,7 @@ from jaxgear._dynamics._steady_state import orbit_of
 from jaxgear._dynamics._steppers import Exponential
 from jaxgear._dynamics._sweep_types import Direction, SweepPoint, SweepSettings
 from jaxgear._dynamics._system import DynamicSystem, modal_basis
+from jaxgear._dynamics._table import ready_to_bear
 from jaxgear._dynamics._types import Start, StepPlaces, Terms
 from jaxgear._dynamics._windows import monodromy_of
 from jaxgear._types import Scalar
@@ -117,6 +118,7 @@ class Finder:
     """
 
     def __init__(self, system: DynamicSystem, settings: SweepSettings):
+        system = dataclasses.replace(system, table=ready_to_bear(system.table))
         self.system, self.settings = system, settings
         self.modes = modal_basis(system)
         self.slow = slow_modes(self.modes)

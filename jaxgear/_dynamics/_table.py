@@ -19,6 +19,7 @@ from jaxtyping import Array
 
 from jaxgear._compiled import compiled
 from jaxgear._contact._cells import MeshCells, Misalignment, mesh_gap
+from jaxgear._contact._coupling import share_with_body
 from jaxgear._dynamics._types import (
     Edges,
     KeptCells,
@@ -51,6 +52,8 @@ class MeshTable(eqx.Module):
         places as the gap, or `None` [m s2].
     - `kept`: of each step, numbers of the cells that may be in contact; the others are left out of
         a `Mesh`. With `None` all are in it [-].
+    - `ready`: the cells at the start, in the middle and at the end of each step, each with
+        `bearing`, from `ready_to_bear`; or `None`.
     """
 
     edges: Edges
@@ -62,6 +65,7 @@ class MeshTable(eqx.Module):
     kinds: tuple[int, ...] = eqx.field(static=True)
     growth: PlaceCells | None = None
     kept: KeptCells | None = None
+    ready: "tuple[Mesh, Mesh, Mesh] | None" = None
 
     @property
     def lengths(self) -> Reals:
@@ -101,6 +105,8 @@ class Mesh(eqx.Module):
     - `arms`: $W$ [-, m].
     - `coupling`: between the lines of each slice, or all cells, or `None` [m/N].
     - `growth`: approach of each cell by rotation, per square of the speed, or `None` [m s2].
+    - `bearing`: $(I + KC)^{-1}$, which tells the forces of cells where all of them bear, or `None`
+        [-].
     """
 
     stiffness: Reals
@@ -108,6 +114,7 @@ class Mesh(eqx.Module):
     arms: Reals
     coupling: Reals | None
     growth: Reals | None = None
+    bearing: Reals | None = None
 
     def at(self, speed: Scalar) -> "Mesh":
         """The same cells as rotation brings them closer, at a speed of the pinion [rad/s]."""
@@ -243,13 +250,66 @@ def mesh_at(table: MeshTable, part: float) -> Mesh:
     The cells that may be in contact, `step` leading. Between the three places of the table a
     parabola is laid.
     """
+    if part == MIDDLE and table.ready is not None:
+        return table.ready[PLACES.index(MIDDLE)]
     shares = place_shares(part)
     # A zero is left out, so that places cost nothing.
     used = [i for i, share in enumerate(shares) if share != 0.0]
     between = lambda x: functools.reduce(operator.add, [shares[i] * x[i] for i in used])
     growth = None if table.growth is None else between(table.growth)
-    mesh = Mesh(table.stiffness, between(table.gap), between(table.arms), table.coupling, growth)
+    gap, arms = between(table.gap), between(table.arms)
+    if table.ready is not None:
+        # Bodies and stiffness are those of the middle all over the step.
+        among = lambda x: (
+            x if table.kept is None else jax.vmap(lambda own, at: own[at])(x, table.kept)
+        )
+        gap, arms, growth = jax.tree.map(among, (gap, arms, growth))
+        middle = table.ready[PLACES.index(MIDDLE)]
+        return dataclasses.replace(middle, gap=gap, arms=arms, growth=growth)
+    mesh = Mesh(table.stiffness, gap, arms, table.coupling, growth)
     return mesh if table.kept is None else jax.vmap(Mesh.among)(mesh, table.kept)
+
+
+# Numbers in a matrix between all cells of all steps, of which `ready_to_bear` keeps three more:
+# over the long cycle of a wheel with holes they would be gigabytes.
+_MOST_READY = 20_000_000
+
+
+def ready_to_bear(table: MeshTable) -> MeshTable:
+    """A table that knows the forces of its cells where all of them bear, if all are coupled.
+
+    Whoever looks for many responses of one pair saves most of the factors that its contact takes.
+
+    **Arguments:**
+
+    - `table`: of a cycle.
+
+    **Returns:**
+
+    The table, the same for all laws of contact and at all speeds.
+    """
+    if table.ready is not None or table.coupling is None or table.coupling.ndim > 3:
+        return table
+    cells = table.stiffness.shape[1] if table.kept is None else table.kept.shape[1]
+    if len(table.kinds) * cells**2 > _MOST_READY:
+        return table
+    start, middle, end = _ready(table)
+    # One array for what is the same at all places.
+    alike = [dataclasses.replace(x, coupling=middle.coupling) for x in (start, end)]
+    return dataclasses.replace(table, ready=(alike[0], middle, alike[1]))
+
+
+@compiled
+def _ready(table: MeshTable) -> tuple[Mesh, Mesh, Mesh]:
+    def inverse(mesh: Mesh) -> Reals:
+        assert mesh.coupling is not None
+        return share_with_body(mesh.coupling, mesh.stiffness, jnp.eye(mesh.stiffness.size))
+
+    start, middle, end = (
+        dataclasses.replace(mesh, bearing=jax.vmap(inverse)(mesh))
+        for mesh in (mesh_within(table, START), mesh_at(table, MIDDLE), mesh_within(table, END))
+    )
+    return start, middle, end
 
 
 _Part = TypeVar("_Part", float, Scalar)
@@ -283,6 +343,8 @@ def mesh_within(table: MeshTable, part: float) -> Mesh:
 
     The cells, `step` leading.
     """
+    if part in PLACES and table.ready is not None:
+        return table.ready[PLACES.index(part)]
     kinds = np.asarray(table.kinds)
     steps = np.arange(kinds.size)
     before, after = np.maximum(steps - 1, 0), np.minimum(steps + 1, kinds.size - 1)
@@ -292,7 +354,7 @@ def mesh_within(table: MeshTable, part: float) -> Mesh:
     slope = (table.stiffness[after] - table.stiffness[before]) / apart
     stiffness = table.stiffness + (part - MIDDLE) * slope
     stiffness = jnp.where(table.stiffness > 0.0, jnp.maximum(stiffness, 0.0), 0.0)
-    return mesh_at(dataclasses.replace(table, stiffness=stiffness), part)
+    return mesh_at(dataclasses.replace(table, stiffness=stiffness, ready=None), part)
 
 
 def repeated(table: MeshTable, times: int) -> MeshTable:
@@ -322,4 +384,5 @@ def repeated(table: MeshTable, times: int) -> MeshTable:
         kinds=table.kinds * times,
         growth=None if table.growth is None else again(table.growth, 1),
         kept=None if table.kept is None else again(table.kept, 0),
+        ready=jax.tree.map(lambda x: again(x, 0), table.ready),
     )

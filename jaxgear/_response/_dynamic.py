@@ -323,10 +323,14 @@ def pressed_cells(
         meshes = mesh_within(table, place).at(orbit.speed)
         edges = _at_starts(table.lengths, orbit.motion @ system.vectors, orbit.settled)
         nodes = edges if place == START else jnp.roll(edges, -1, axis=0)
-        load, places, _ = jax.vmap(
-            lambda mesh, own, near: load_at_nodes(system, law, mesh, own, near)
-        )(meshes, nodes, orbit.load)
+        load, places = None, nodes
+        if system.bow is not None:
+            load, places, _ = jax.vmap(
+                lambda mesh, own, near: load_at_nodes(system, law, mesh, own, near)
+            )(meshes, nodes, orbit.load)
     force, overlap = jax.vmap(lambda mesh, own: cell_forces(mesh, own, law))(meshes, places)
+    if load is None:
+        load = jnp.einsum("scm,sc->sm", meshes.arms, force)
     force, overlap = table.on_all_cells(force), table.on_all_cells(overlap)
     return PressedCells(force, overlap, total_force(system, load))
 

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -18,6 +19,7 @@ from jaxgear._dynamics._harmonic import HarmonicBalance
 from jaxgear._dynamics._sweep import Finder
 from jaxgear._dynamics._sweep_types import Direction, SweepPoint, Ways
 from jaxgear._dynamics._system import PairDynamics
+from jaxgear._dynamics._table import ready_to_bear
 from jaxgear._dynamics._types import Terms
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._response._measured import Measured, measured
@@ -104,7 +106,7 @@ def swept(
     last = None
     for speed in speeds[::-1] if direction == "down" else speeds:
         point = finder.next(jnp.asarray(float(speed)), last)
-        found.append(_response(law, asked, moving, point))
+        found.append(_response(law, asked, moving, finder, point))
         if watch is not None:
             watch((direction,), point, found[-1].dynamic_ratio)
         last = None if direction == "cold" else point
@@ -144,7 +146,7 @@ def swept_along(
         if point is None:
             done(-len(ways) * len(found))
             return None
-        found.append(_response(law, asked, moving, point))
+        found.append(_response(law, asked, moving, finder, point))
         if watch is not None:
             watch(ways, point, found[-1].dynamic_ratio)
         done(len(ways))
@@ -173,9 +175,9 @@ def is_plain(curves: tuple[Curve, ...]) -> bool:
 
 
 def _response(
-    law: AbstractContactLaw, asked: SweepKeys, moving: Dynamics, point: SweepPoint
+    law: AbstractContactLaw, asked: SweepKeys, moving: Dynamics, finder: Finder, point: SweepPoint
 ) -> Response:
-    """What is kept of a response.
+    """What is kept of a response; what was found before is not measured again.
 
     **Raises:**
 
@@ -183,7 +185,12 @@ def _response(
     """
     dynamics, speed = moving.pair, float(point.orbit.speed)
     influences = moving.statics.influences
-    numbers = jax.device_get(measured(dynamics, point.orbit, law, asked.orders, influences))
+    known = finder.found.same(point)
+    numbers = None if known is None else known.numbers
+    if numbers is None:
+        numbers = jax.device_get(measured(dynamics, point.orbit, law, asked.orders, influences))
+    if known is not None:
+        known.numbers = numbers
     sizes = np.abs(point.multipliers)
     found = Response(
         speed=speed,
@@ -289,6 +296,8 @@ def sweep_of(
     watch: Watch | None = None,
 ) -> Sweep:
     """Sweep a pair in all directions that are asked for, and follow its branch."""
+    ready = ready_to_bear(moving.pair.system.table)
+    moving = eqx.tree_at(lambda each: each.pair.system.table, moving, ready)
     dynamics = moving.pair
     speeds, seconds = speeds_of(asked), {}
     method = settings_of(law, asked, size_of(dynamics)).method

@@ -11,8 +11,23 @@ from dynamics import cases
 from helpers import quick
 
 import jaxgear as jg
-from jaxgear._dynamics._cell_forces import cell_forces, mean_load, mean_ramp, mesh_load
-from jaxgear._dynamics._table import END, MIDDLE, START, Mesh, mesh_at, mesh_within, repeated
+from jaxgear._dynamics._cell_forces import (
+    cell_forces,
+    mean_load,
+    mean_ramp,
+    mean_tangent,
+    mesh_load,
+)
+from jaxgear._dynamics._table import (
+    END,
+    MIDDLE,
+    START,
+    Mesh,
+    mesh_at,
+    mesh_within,
+    ready_to_bear,
+    repeated,
+)
 
 EXACT = jg.ExactContact()
 
@@ -187,3 +202,77 @@ def test_tangent_is_the_slope_of_the_load(law):
     assert load[0] > 0.0
     by_jax = jax.jit(jax.jacfwd(lambda x: at(x)[0]))(place)
     np.testing.assert_allclose(by_jax, tangent, rtol=1e-8)
+
+
+# --- Ready for all cells to bear
+
+
+@pytest.fixture(scope="module")
+def relieved():
+    return cases.torsional_pair(relief=5e-6)
+
+
+def _bent(places, scale: float, lift: float):
+    """Mesh coordinates of statics, larger or smaller, and further apart [m, rad]."""
+    return scale * places.at[:, 0].add(-lift)
+
+
+_STATES = {"all bear": (1.4, 0.0), "some bear": (0.5, 4e-6), "none bears": (1.0, 1e-4)}
+
+
+@pytest.mark.parametrize("state", _STATES)
+def test_a_table_that_is_ready_says_the_same(relieved, state):
+    table, places = relieved.system.table, _bent(relieved.system.rest, *_STATES[state])
+    ready = ready_to_bear(table)
+    assert ready.ready is not None
+    assert ready_to_bear(ready) is ready
+    each = [(mesh_at, MIDDLE), (mesh_at, 0.3), (mesh_within, END)]
+
+    @jax.jit
+    def found(table, places):
+        pressed = jax.vmap(lambda mesh, place: cell_forces(mesh, place, EXACT))
+        loaded = jax.vmap(lambda mesh, place: mesh_load(mesh, place, EXACT))
+        given = [cells(table, part) for cells, part in each]
+        begin, middle, end = (mesh_at(table, part) for part in (START, MIDDLE, END))
+        mean = jax.vmap(mean_tangent)(begin, middle, end, places, 0.9 * places)
+        return [(pressed(x, places), loaded(x, places)) for x in given], mean
+
+    one, other = found(table, places), found(ready, places)
+    force = np.asarray(one[0][0][0][0])
+    share = np.mean(force[np.asarray(mesh_at(table, MIDDLE).stiffness) > 0.0] > 0.0)
+    assert {"all bear": share == 1.0, "some bear": 0.2 < share < 0.9, "none bears": share == 0.0}[
+        state
+    ]
+    # The mean over a step is told by what overlaps change by in it, which may be little.
+    for rtol, a, b in zip((1e-10, 1e-8), one, other, strict=True):
+        for x, y in zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True):
+            np.testing.assert_allclose(y, x, rtol=rtol, atol=0.1 * rtol * float(np.abs(x).max()))
+
+
+@pytest.mark.parametrize("state", ["all bear", "some bear"])
+def test_derivatives_with_a_table_that_is_ready_are_the_same(relieved, state):
+    table, places = relieved.system.table, _bent(relieved.system.rest, *_STATES[state])
+    way = jnp.asarray(np.random.default_rng(2).normal(size=places.shape)) * jnp.abs(places)
+
+    @jax.jit
+    def along(table):
+        mesh = mesh_at(table, MIDDLE)
+        load = lambda place: jax.vmap(lambda x, own: mesh_load(x, own, EXACT)[0])(mesh, place)
+        return jax.jvp(load, (places,), (way,))
+
+    for a, b in zip(along(table), along(ready_to_bear(table)), strict=True):
+        np.testing.assert_allclose(b, a, rtol=1e-10, atol=1e-11 * float(jnp.max(jnp.abs(a))))
+
+
+def test_a_table_of_cells_on_their_own_needs_not_be_ready():
+    table = cases.two_dof().table
+    assert ready_to_bear(table) is table
+
+
+def test_a_ready_table_that_goes_on_is_ready(relieved):
+    table = relieved.system.table
+    again = mesh_at(repeated(ready_to_bear(table), 2), MIDDLE)
+    once = mesh_at(ready_to_bear(table), MIDDLE)
+    assert again.bearing is not None
+    assert once.bearing is not None
+    np.testing.assert_array_equal(again.bearing, jnp.concatenate([once.bearing, once.bearing]))
