@@ -133,12 +133,9 @@ def _gather(
     points, colours = points.reshape(-1, 3), colours.reshape(-1, 3)
     place = np.clip(points[:, :2].astype(int), 0, shape - 1)
     pixel = place[:, 0] * shape[1] + place[:, 1]
-    nearer = points[:, 2] > depth[pixel]
-    points, colours, pixel = points[nearer], colours[nearer], pixel[nearer]
-    # The nearest of each pixel comes last, and of what is written there the last stays.
-    order = np.argsort(points[:, 2])
-    depth[pixel[order]] = points[order, 2]
-    painted[pixel[order]] = colours[order]
+    np.maximum.at(depth, pixel, points[:, 2])
+    nearest = np.flatnonzero(points[:, 2] == depth[pixel])
+    painted[pixel[nearest]] = colours[nearest]
 
 
 def _averaged(painted: np.ndarray, seen: np.ndarray) -> np.ndarray:

@@ -116,7 +116,7 @@ class ModelKeys(AbstractKeys):
         "shapes by which each condensed body vibrates, the rest with their static part; 0: all, "
         "200 unless said, of helical teeth or where a cycle has many mesh periods 250, of helical "
         "teeth on two condensed bodies 350; of natural modes 100, of helical teeth where holes "
-        "pass by 600 unless shapes are said",
+        "pass by 800 unless shapes are said",
         "[0, inf)",
     )
     shapes: Literal["natural", "excited"] = key(
@@ -128,7 +128,7 @@ class ModelKeys(AbstractKeys):
     )
     mesh_coordinates: int | None = key(
         "combinations of these that the mesh tells apart; 8 unless said, of helical teeth 24; "
-        "where a cycle has many mesh periods 16 and 28, of natural modes 16 and 56",
+        "where a cycle has many mesh periods 16 and 28, of natural modes 16 and 64",
         "[4, 100]",
     )
 
@@ -154,7 +154,7 @@ class ModelKeys(AbstractKeys):
             return self.mesh_coordinates
         if periods == 1:
             return 24 if helix else 8
-        return (56 if self.shapes == "natural" else 28) if helix else 16
+        return (64 if self.shapes == "natural" else 28) if helix else 16
 
     fidelity: Literal["as given", "auto"] = key(
         "choice of the model; auto: run, map, optimise and sweep first compare models, and take "

@@ -89,7 +89,7 @@ class ShapeCheck(NamedTuple):
 UNCHECKED = Doubtful(
     "Over a cycle of so many mesh periods the shapes of condensed bodies are not checked unasked. "
     "Of helical teeth over holes the default was within 0.2 % of many more shapes in the largest "
-    "mesh force, within 0.8 % in the RMS of transmission error. sweep.check_shapes = true checks a "
+    "mesh force, within 0.5 % in the RMS of transmission error. sweep.check_shapes = true checks a "
     "few speeds, in a minute each."
 )
 

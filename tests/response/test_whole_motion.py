@@ -134,6 +134,12 @@ def _lengths(dynamics: jg.PairDynamics) -> np.ndarray:
     return np.asarray(dynamics.system.table.lengths)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def built():
+    """What most tests share, which takes longer than any of them."""
+    return _case(0), _shaped(), _rows_of_cells()
+
+
 @functools.cache
 def _rows_of_cells() -> np.ndarray:
     """Overlap of cells per coordinate of the turning body, `[phase, cell, dof]`."""
@@ -278,7 +284,7 @@ def _seats_on_body(dynamics: jg.PairDynamics, orbit: Orbit) -> np.ndarray:
     return np.array([found.near(order) for order in ORDERS])
 
 
-@pytest.mark.parametrize("rotating", [True, False])
+@pytest.mark.parametrize("rotating", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_modes_beside_the_shapes_move_as_those_of_the_structure_do(rotating):
     """With damping, and also where rigid motions do not turn with the body."""
     rate, speed, draw = 900.0, 1200.0, np.random.default_rng(3)
