@@ -100,14 +100,23 @@ def forces_between_all(
 def _forces_tangent(symmetric, primals, tangents):
     law, stiffness, coupling, free = primals
     force = forces_between_all(law, stiffness, coupling, free, symmetric)
+    change, slope = _change_at(force, primals, tangents)
+    moved = share_with_body(coupling, stiffness * slope, change[:, None], symmetric=symmetric)
+    return force, moved[:, 0]
+
+
+def _change_at(force: Cells, primals, tangents) -> tuple[Cells, Cells]:
+    """Change of what the cells press with as long as their forces stay, and slopes of compression.
+
+    By law, stiffness, coupling and overlaps, as of `forces_between_all`.
+    """
 
     def pressed(law, stiffness, coupling, free):
         return stiffness * law.compression(free - body_yield(coupling, force))
 
-    _, change = jax.jvp(pressed, primals, tangents)
+    law, _, coupling, free = primals
     _, slope = _pressed(law, free - body_yield(coupling, force))
-    moved = share_with_body(coupling, stiffness * slope, change[:, None], symmetric=symmetric)
-    return force, moved[:, 0]
+    return jax.jvp(pressed, primals, tangents)[1], slope
 
 
 def _searched(
@@ -203,14 +212,9 @@ def _forces_on_the_way(
 
 @_forces_on_the_way.defjvp
 def _forces_on_the_way_tangent(primals, tangents):
-    stiffness, coupling, free, bearing = primals
+    stiffness, coupling, _, bearing = primals
     force, law = _forces_on_the_way(*primals), ExactContact()
-
-    def pressed(stiffness, coupling, free):
-        return stiffness * law.compression(free - body_yield(coupling, force))
-
-    _, change = jax.jvp(pressed, primals[:3], tangents[:3])
-    _, slope = _pressed(law, free - body_yield(coupling, force))
+    change, slope = _change_at(force, (law, *primals[:3]), (law, *tangents[:3]))
     arms = change[:, None][:, :0]
     return force, _shared_with_bearing(bearing, coupling, stiffness, slope, arms, change)[:, 0]
 
