@@ -5,8 +5,8 @@ $Z(s) = s^2M + s(C + \Omega_1G) + K + V\bar kV^T$: unknown are the harmonics of 
 coordinates alone, whatever the size of the structure. With $n = m + Bg$ the motion of the nodes,
 harmonic $h$ is in balance when
 $\hat n_h = \hat n_h^0 - R(ih\omega)(\hat g_h - \bar k\hat n_h)$, where $\hat n^0$ answers the
-constant load. The mean mesh stiffness $\bar k$ cancels; in the linear part it makes Newton's
-method converge from the quasi-static state.
+constant load, and loads that swing beside those of the mesh. The mean mesh stiffness $\bar k$
+cancels; in the linear part it makes Newton's method converge from the quasi-static state.
 
 Derivatives are those of the solution, by the implicit function theorem.
 """
@@ -38,7 +38,7 @@ from jaxgear._dynamics._orbit import AbstractMethod, Orbit, mesh_scales
 from jaxgear._dynamics._receptance import AbstractAnswers, answers_of
 from jaxgear._dynamics._system import DynamicSystem, ModalBasis, modal_basis
 from jaxgear._dynamics._table import END, MIDDLE, START, Mesh, MeshTable, mesh_at
-from jaxgear._dynamics._types import Start, StepPlaces, Terms
+from jaxgear._dynamics._types import Start, StepPlaces, Terms, Waves
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._types import Coordinates, Scalar
 
@@ -136,6 +136,8 @@ class Balance(eqx.Module):
     - `scales`: of the mesh coordinates [m, rad].
     - `rest`: harmonics of the quasi-static states [m, rad].
     - `bilinear`: whether time is discretised as by `Midpoint`.
+    - `beside`: periodic loads on all degrees of freedom beside those of the mesh and the constant
+        one: complex amplitudes by harmonics from the zeroth, or `None` [N, N m].
     """
 
     system: DynamicSystem
@@ -148,6 +150,7 @@ class Balance(eqx.Module):
     scales: Coordinates
     rest: Terms
     bilinear: bool = eqx.field(static=True)
+    beside: Waves | None = None
 
     @property
     def count(self) -> int:
@@ -173,10 +176,15 @@ class Balance(eqx.Module):
             step = 2.0 * jnp.pi / (base * self.middle.shape[0])
             frequency = 2.0 / step * jnp.tan(0.5 * step * frequency)
         # The mean is real, and found together with what the constant load does.
-        loads = jnp.column_stack([system.vectors, system.load_at(speed)])
+        steady, swings = system.load_at(speed), None
+        if self.beside is not None:
+            steady, swings = steady + jnp.real(self.beside[0]), self.beside[1:]
+        loads = jnp.column_stack([system.vectors, steady])
         constant = jnp.linalg.solve(system.stiffness_at(speed), loads)
-        mean, resting = constant[:, :-1], constant[:, -1]
-        answers = answers_of(system, self.modes, frequency[1:], speed, mean)
+        mean, beside = constant[:, :-1], constant[None, :, -1]
+        answers = answers_of(system, self.modes, frequency[1:], speed, mean, swings)
+        if answers.beside is not None:
+            beside = jnp.concatenate([beside, jnp.real(answers.beside), -jnp.imag(answers.beside)])
         receptance = answers.receptance()
         at_rest = (system.vectors.T @ mean)[None]
         problem = Problem(
@@ -187,8 +195,8 @@ class Balance(eqx.Module):
             analysis=self.analysis,
             real=jnp.concatenate([at_rest, jnp.real(receptance)]),
             imaginary=jnp.concatenate([jnp.zeros_like(at_rest), jnp.imag(receptance)]),
-            resting=resting,
-            still=system.vectors.T @ resting,
+            beside=beside,
+            met=(beside @ system.vectors).T,
             mean=system.mean,
             bow=system.bow,
             cell_damping=system.cell_damping,
@@ -225,7 +233,7 @@ class Balance(eqx.Module):
         excess = excess_stiffness(problem, nodes, load)[:, :, 0]
         # Minus V (g - k n), harmonic by harmonic, through the structure.
         motion = answers.motion(-excess)
-        motion = motion.at[0].add(problem.resting)
+        motion = motion.at[: len(problem.beside)].add(problem.beside)
         count = self.count
         sine = motion[count + 1 :]
         order = jnp.arange(1, count + 1, dtype=float)

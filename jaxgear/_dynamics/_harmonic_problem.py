@@ -22,7 +22,6 @@ from jaxgear._dynamics._types import (
     StepMatrices,
     StepPlaces,
     Terms,
-    Vector,
 )
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._types import CoordinateMatrix, Coordinates, Flag, Reals, Scalar
@@ -38,8 +37,9 @@ class Problem(eqx.Module):
     - `scales`: of the mesh coordinates [m, rad].
     - `rates`: time derivatives of the harmonics at mid-steps [1/s].
     - `real`, `imaginary`: parts of the receptance at each harmonic [m/N, 1/N, 1/(N m)].
-    - `resting`: motion of all degrees of freedom under the constant load alone [m, rad].
-    - `still`: mesh coordinates of it [m, rad].
+    - `beside`: motion of all degrees of freedom under all loads but those of the mesh, in rows its
+        mean or, where these loads swing, all of its harmonics [m, rad].
+    - `met`: mesh coordinates of it, `[coordinate, term]` [m, rad].
     - `mean`: mean mesh stiffness [N/m, N, N m].
     - `bow`: of the system, or `None` [m/N, 1/N, 1/(N m)].
     - `cell_damping`: of the system, or `None` [s].
@@ -54,8 +54,8 @@ class Problem(eqx.Module):
     analysis: HarmonicAnalysis
     real: HarmonicMatrices
     imaginary: HarmonicMatrices
-    resting: Vector
-    still: Coordinates
+    beside: Reals
+    met: Reals
     mean: CoordinateMatrix
     bow: CoordinateMatrix | None
     cell_damping: Scalar | None
@@ -118,7 +118,7 @@ def excess_stiffness(problem: Problem, nodes: Reals, load: Reals) -> Reals:
 
 
 def _missing(problem: Problem, place: Reals, load: Reals) -> Reals:
-    """n + R (g - k n) of each harmonic: what must equal the answer to the constant load."""
+    """n + R (g - k n) of each harmonic: what must equal the answer to other loads."""
     nodes = motion_of_nodes(problem, place, load)
     excess = excess_stiffness(problem, nodes, load)
     count = problem.real.shape[0] - 1
@@ -146,7 +146,8 @@ def imbalance(problem: Problem, terms: Terms) -> Terms:
 
 def _imbalance(problem: Problem, terms: Terms, load: Reals) -> Terms:
     missing = _missing_of_one(problem, terms, load)
-    return missing.at[:, 0].add(-problem.still) / problem.scales[:, None]
+    known = problem.met.shape[1]
+    return missing.at[:, :known].add(-problem.met) / problem.scales[:, None]
 
 
 def _missing_of_one(problem: Problem, terms: Terms, load: Reals) -> Terms:

@@ -9,6 +9,7 @@ $Z^{-1}(s) = \Phi\omega^{-1}X_1(s - \Lambda)^{-1}(X^{-1})_2\Phi^T$ (Meirovitch 1
 damping and forces that follow the turning, $A$ is skew, and its vectors are orthogonal.
 """
 
+import dataclasses
 from abc import abstractmethod
 
 import equinox as eqx
@@ -26,9 +27,11 @@ class AbstractAnswers(eqx.Module):
     **Fields:**
 
     - `mean`: of all degrees of freedom per constant load [m/N, rad/N, rad/(N m)].
+    - `beside`: motion of all under other periodic loads, at each frequency, or `None` [m, rad].
     """
 
     mean: eqx.AbstractVar[Vectors]
+    beside: eqx.AbstractVar[Waves | None]
 
     @abstractmethod
     def receptance(self) -> Receptances:
@@ -70,12 +73,13 @@ class SolvedAnswers(AbstractAnswers):
 
     **Fields:**
 
-    - `mean`: as of `AbstractAnswers` [m/N, rad/N, rad/(N m)].
+    - `mean`, `beside`: as of `AbstractAnswers` [m/N, rad/N, rad/(N m)], [m, rad].
     - `responses`: motion per mesh load at each frequency [m/N, rad/N, rad/(N m)].
     - `vectors`: of the system [-, m].
     """
 
     mean: Vectors
+    beside: Waves | None
     responses: Responses
     vectors: Vectors
 
@@ -142,7 +146,7 @@ class PoleAnswers(AbstractAnswers):
 
     **Fields:**
 
-    - `mean`: as of `AbstractAnswers` [m/N, rad/N, rad/(N m)].
+    - `mean`, `beside`: as of `AbstractAnswers` [m/N, rad/N, rad/(N m)], [m, rad].
     - `stiffness`: dynamic, of the structure.
     - `poles`: of the structure.
     - `vectors`: of the system [-, m].
@@ -150,6 +154,7 @@ class PoleAnswers(AbstractAnswers):
     """
 
     mean: Vectors
+    beside: Waves | None
     stiffness: DynamicStiffness
     poles: StructurePoles
     vectors: Vectors
@@ -159,7 +164,10 @@ class PoleAnswers(AbstractAnswers):
         return _receptance(self.poles, self.stiffness, self.vectors, self.frequency)
 
     def waves(self, load: Waves) -> Waves:
-        forces = load @ self.vectors.T.astype(complex)
+        return self.under(load @ self.vectors.T.astype(complex))
+
+    def under(self, forces: Waves) -> Waves:
+        """Motion under forces on all degrees of freedom at each frequency [m, rad]."""
         product = lambda waves: jax.lax.map(
             lambda each: self.stiffness.at(each[0]) @ each[1], (self.frequency, waves)
         )
@@ -249,7 +257,12 @@ MOST_SOLVED = 100
 
 
 def answers_of(
-    system: DynamicSystem, modes: ModalBasis, frequency: Reals, speed: Scalar, mean: Vectors
+    system: DynamicSystem,
+    modes: ModalBasis,
+    frequency: Reals,
+    speed: Scalar,
+    mean: Vectors,
+    beside: Waves | None = None,
 ) -> AbstractAnswers:
     """What the structure of a system answers to loads of the mesh.
 
@@ -260,6 +273,7 @@ def answers_of(
     - `frequency`: of each harmonic [rad/s].
     - `speed`: of the pinion [rad/s].
     - `mean`: motion of all degrees of freedom per constant load [m/N, rad/N, rad/(N m)].
+    - `beside`: other loads on all degrees of freedom at each frequency, or `None` [N, N m].
 
     **Returns:**
 
@@ -269,22 +283,30 @@ def answers_of(
     vectors = system.vectors
     if system.gyroscopic is not None and frequency.size > MOST_SOLVED:
         poles = poles_of(stiffness, modes)
-        return PoleAnswers(mean, stiffness, poles, vectors, frequency)
+        answers = PoleAnswers(mean, None, stiffness, poles, vectors, frequency)
+        if beside is None:
+            return answers
+        return dataclasses.replace(answers, beside=answers.under(beside))
     columns = vectors.astype(complex)
 
-    def at(frequency: Scalar) -> Waves:
+    def at(given: tuple[Scalar, Waves | None]) -> Waves:
+        frequency, other = given
+        loads = columns if other is None else jnp.column_stack([columns, other])
         matrix = stiffness.at(frequency)
         if system.gyroscopic is not None:
-            return jnp.linalg.solve(matrix, columns)
+            return jnp.linalg.solve(matrix, loads)
         solve = lambda _, right: _by_natural_modes(modes, frequency, right)
         # The modes are how the system is solved; derivatives are those of its solution.
         product = lambda x: matrix @ x
-        return jax.lax.custom_linear_solve(product, columns, solve, symmetric=True)
+        return jax.lax.custom_linear_solve(product, loads, solve, symmetric=True)
 
     # Large systems one by one: see `between_all_cells`.
     one_by_one = system.turning is not None
-    responses = jax.lax.map(at, frequency) if one_by_one else jax.vmap(at)(frequency)
-    return SolvedAnswers(mean, responses, vectors)
+    given = frequency, beside
+    found = jax.lax.map(at, given) if one_by_one else jax.vmap(at)(given)
+    if beside is None:
+        return SolvedAnswers(mean, None, found, vectors)
+    return SolvedAnswers(mean, found[:, :, -1], found[:, :, :-1], vectors)
 
 
 def _by_natural_modes(modes: ModalBasis, frequency: Scalar, right: Waves) -> Waves:

@@ -16,6 +16,7 @@ from jaxgear._dynamics._system import PairDynamics
 from jaxgear._geometry._pair import GearPair
 from jaxgear._response._spectrum import SAME_ORDER, Spectrum, fitted_harmonics
 from jaxgear._system._body_modes import seat_waves
+from jaxgear._types import Reals
 
 
 @dataclass(frozen=True)
@@ -225,11 +226,32 @@ def beyond_rest(dynamics: PairDynamics, orbit: Orbit) -> Orbit:
 
     The response.
     """
-    system, give = dynamics.system, jnp.zeros(max(dynamics.dofs) + 1)
+    system = dynamics.system
+    load = system.load_at(orbit.speed)[None] - orbit.load @ system.vectors.T
+    return _without(dynamics, orbit, load)
+
+
+def driven_by_mesh(dynamics: PairDynamics, orbit: Orbit) -> Orbit:
+    """A response without what rotation and heat do to modes and residual shapes at rest.
+
+    **Arguments:**
+
+    - `dynamics`: the pair.
+    - `orbit`: its response.
+
+    **Returns:**
+
+    The response.
+    """
+    return _without(dynamics, orbit, dynamics.system.load_at(orbit.speed)[None])
+
+
+def _without(dynamics: PairDynamics, orbit: Orbit, load: Reals) -> Orbit:
+    """A response without what loads give modes and residual shapes at rest."""
+    give = jnp.zeros(max(dynamics.dofs) + 1)
     for body in dynamics.bodies:
         give = give.at[body.mode_dofs].set(1.0 / body.square)
         give = give.at[body.residual_dofs].set(1.0 / body.residual)
-    load = system.load_at(orbit.speed)[None] - orbit.load @ system.vectors.T
     motion = orbit.motion - load * give[None, np.asarray(dynamics.dofs)]
     return eqx.tree_at(lambda each: each.motion, orbit, motion)
 

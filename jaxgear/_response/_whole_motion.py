@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 import scipy
 
-from jaxgear._dynamics._bodies import LEAST_TURNING, BodyPlace
+from jaxgear._dynamics._bodies import LEAST_TURNING
 from jaxgear._dynamics._damping import AbstractDamping
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._system import PairDynamics
@@ -76,6 +76,19 @@ class _Wave(NamedTuple):
         own = np.arange(count)
         found[:, own, own] += self.stiffness + damped
         return found
+
+    def on_seats(self, still: np.ndarray, speed: float) -> np.ndarray:
+        """Loads on the seats by motions of modes, `[harmonic, seat, mode]`: their inertia.
+
+        Arguments as of `dynamic_stiffness`.
+        """
+        on_body, count = still - self.number * speed, len(self.modes)
+        rate = 1j * np.where(self.turns, on_body[:, None], still[:, None])
+        mass, coriolis, softening = (
+            x[:, count:].conj().T for x in (self.mass, self.coriolis, self.softening)
+        )
+        found = (rate[:, count:, None] * rate[:, None, :count]) * mass
+        return found - (speed * 1j * on_body)[:, None, None] * coriolis + speed**2 * softening
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -148,6 +161,30 @@ class WholeBody:
         return np.asarray(jax.vmap(of_mode)(self.modes.square))
 
 
+class WholeModes(NamedTuple):
+    """What natural modes of a body do in a steady response, in space.
+
+    **Fields:**
+
+    - `motion`: of its seats and shapes.
+    - `seats`: of its seats, `[harmonic, seat]` [m, rad].
+    - `modes`: of its natural modes, `[harmonic, mode]` [m kg^1/2].
+    - `at_rest`: what the forces of the cells would have these do at rest, alike [m kg^1/2].
+    - `frequency`: of the harmonics [rad/s].
+    """
+
+    motion: BodyMotion
+    seats: np.ndarray
+    modes: np.ndarray
+    at_rest: np.ndarray
+    frequency: np.ndarray
+
+    @property
+    def beyond(self) -> np.ndarray:
+        """What they do beyond that [m kg^1/2]."""
+        return self.modes - self.at_rest
+
+
 def whole_motion(
     whole: WholeBody,
     dynamics: PairDynamics,
@@ -159,6 +196,30 @@ def whole_motion(
     angle: float,
 ) -> BodyMotion:
     r"""Seats, and natural modes beyond what they do at rest, in a steady response.
+
+    **Arguments:** as of `whole_modes`.
+
+    **Returns:**
+
+    The motion, of seats and then natural modes. What stands still on the body, rotation and heat,
+    is in it as the shapes have it.
+    """
+    found = whole_modes(whole, dynamics, orbit, index, force, harmonics, angle=angle)
+    amplitudes = np.concatenate([found.seats, found.beyond], axis=1)
+    return dataclasses.replace(found.motion, amplitudes=amplitudes, waves=whole.waves)
+
+
+def whole_modes(
+    whole: WholeBody,
+    dynamics: PairDynamics,
+    orbit: Orbit,
+    index: int,
+    force: StepCells,
+    harmonics: int,
+    *,
+    angle: float,
+) -> WholeModes:
+    r"""What natural modes do in a steady response that was found on shapes.
 
     **Arguments:**
 
@@ -172,8 +233,7 @@ def whole_motion(
 
     **Returns:**
 
-    The motion, of seats and then natural modes. What stands still on the body, rotation and heat,
-    is in it as the shapes have it.
+    Their motion.
     """
     (place,) = (each for each in dynamics.bodies if each.index == index)
     motion = body_motion(dynamics, orbit, index, angle=angle)
@@ -191,30 +251,62 @@ def whole_motion(
     shapes = moved[:, seats : seats + count]
     frequency = np.arange(kept) * motion.teeth / motion.periods * abs(motion.speed)
     if place.residual.size:
-        pushed = pushed + _by_residual_shapes(dynamics, orbit, place, own, frequency)
+        beside = np.flatnonzero(np.isin(dynamics.dofs, place.residual_dofs))
+        pushed = pushed + by_inertia(dynamics, orbit, own, beside, frequency)
     modes = _answered(whole, pressed, pushed, moved[:, :seats], shapes, frequency, motion.speed)
-    beyond = np.concatenate(
-        [moved[:, :seats], modes - pressed / np.asarray(whole.modes.square)], axis=1
-    )
-    return dataclasses.replace(motion, amplitudes=beyond, waves=whole.waves)
+    at_rest = pressed / np.asarray(whole.modes.square)
+    return WholeModes(motion, moved[:, :seats], modes, at_rest, frequency)
 
 
-def _by_residual_shapes(
-    dynamics: PairDynamics, orbit: Orbit, place: BodyPlace, own: np.ndarray, frequency: np.ndarray
-) -> np.ndarray:
-    """Loads on a body's modes by what its residual shapes do, `[harmonic, mode]`.
+def loads_on_seats(whole: WholeBody, found: WholeModes) -> np.ndarray:
+    """Loads with which the inertia of a body's natural modes meets its seats, in space.
 
-    They are tied by inertia and by terms of rotation, as natural modes are among each other.
+    **Arguments:**
+
+    - `whole`: the body.
+    - `found`: what its modes do.
+
+    **Returns:**
+
+    Shape `[harmonic, seat]`: on the left of the equations of motion [N, N m].
     """
-    system = dynamics.system
-    beside = np.flatnonzero(np.isin(dynamics.dofs, place.residual_dofs))
-    at, speed = np.ix_(own, beside), float(orbit.speed)
+    _, vectors = phases_of_waves(np.asarray(whole.modes.waves))
+    _, at_seats = phases_of_waves(seat_waves(whole.modes.seat_dofs))
+    turned = found.modes @ vectors.conj()
+    loads = np.zeros(found.seats.shape, dtype=complex)
+    for wave in whole.by_wave:
+        if wave.seats.size:
+            matrix = wave.on_seats(found.frequency, found.motion.speed)
+            loads[:, wave.seats] = (matrix @ turned[:, wave.modes, None])[:, :, 0]
+    return loads @ at_seats.T
+
+
+def by_inertia(
+    dynamics: PairDynamics,
+    orbit: Orbit,
+    on: np.ndarray,
+    of: np.ndarray,
+    frequency: np.ndarray,
+) -> np.ndarray:
+    """Loads on degrees of freedom of bodies by the inertia of others, and its terms of rotation.
+
+    **Arguments:**
+
+    - `dynamics`: the pair.
+    - `orbit`: its response.
+    - `on`, `of`: places among its degrees of freedom.
+    - `frequency`: of its harmonics, from the zeroth [rad/s].
+
+    **Returns:**
+
+    Shape `[harmonic, on]`, on the left of the equations of motion.
+    """
+    system, at, speed = dynamics.system, np.ix_(on, of), float(orbit.speed)
     assert system.turning is not None
     assert system.gyroscopic is not None
     stiffens = np.asarray(system.turning.stiffness_at(orbit.speed))[at]
     rates, mass = speed * np.asarray(system.gyroscopic)[at], np.asarray(system.mass)[at]
-    lengths = system.table.period_lengths
-    moved = fitted_harmonics(np.asarray(orbit.motion)[:, beside], lengths, None)
+    moved = fitted_harmonics(np.asarray(orbit.motion)[:, of], system.table.period_lengths, None)
     moved, s = moved[: len(frequency)], 1j * frequency[:, None]
     return moved @ stiffens.T + s * (moved @ rates.T) + s**2 * (moved @ mass.T)
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from itertools import groupby
 from types import MappingProxyType
-from typing import Any
+from typing import Any, cast
 
 import jax.numpy as jnp
 import numpy as np
@@ -19,7 +19,7 @@ from jaxgear._system._body_family import BodyFamily, body_family, family_paramet
 from jaxgear._system._body_in_mesh import BodyInMesh
 from jaxgear._system._body_modes import BodyBasis, body_basis
 from jaxgear._system._body_tables import body_in_mesh, repeats_under
-from jaxgear._system._excited_shapes import CANDIDATES, excited_shapes
+from jaxgear._system._excited_shapes import excited_shapes
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._mode_combinations import lowest_modes
 from jaxgear._system._rim_checks import require_short_elements
@@ -50,8 +50,6 @@ class MeshBody:
     - `basis`: motions on which it vibrates, or `None`: it is for statics.
     - `natural`: all natural modes that were found, of which these are some, or combinations.
     - `in_mesh`: the body, to be given others of them.
-    - `on_modes`: makes its tables on more natural modes: those of which its shapes are
-        combinations, or the next ones besides; `None`: there are no more.
     - `follows`: key of a measure of its web that is to be varied, or `None`.
     - `family`: bodies over that measure, in the unit of its key; their statics is the body's.
     - `heated`: what heat does to it, or `None`: the scene gives no temperatures.
@@ -67,7 +65,6 @@ class MeshBody:
     basis: BodyBasis | None
     natural: BodyBasis | None = None
     in_mesh: BodyInMesh | None = None
-    on_modes: Callable[[], FlexibleBody] | None = None
     follows: str | None = None
     family: BodyFamily | None = None
     heated: HeatedBody | None = None
@@ -83,6 +80,29 @@ class MeshBody:
         assert self.in_mesh is not None
         return self.in_mesh.moving(self.made_of)
 
+    @property
+    def more_modes(self) -> tuple[FlexibleBody, np.ndarray] | None:
+        """Its tables on more natural modes than it has motions, and the latter by these.
+
+        Those of which its motions are combinations, or of natural modes twice as many; `None`:
+        no more were found.
+        """
+        if self.into is not None:
+            return self.of_modes, self.into
+        basis, natural, in_mesh = self.basis, self.natural, self.in_mesh
+        if basis is None or natural is None or in_mesh is None:
+            return None
+        own = len(basis.square)
+        more = lowest_modes(natural, _RICHER * own)
+        if len(more.square) == own:
+            return None
+        sectors = cast(int, in_mesh.condensed.facts["sectors"])
+        more, _ = more.under_teeth(self.built.plan.teeth_count, sectors)
+        return in_mesh.moving(more), np.eye(len(more.square), own)
+
+
+# So many times more natural modes judge those that are kept.
+_RICHER = 2
 
 # A condensed body that is not in mesh yet, and motions on which it vibrates; none for statics.
 _Made = tuple[BuiltBody, BodyBasis | None]
@@ -353,11 +373,6 @@ def with_shapes_of(scene: Scene, body: MeshBody) -> MeshBody:
     return _on_shapes(body, scene, pair, grid, lambda step: None)
 
 
-# So many times more natural modes judge those that are kept; excited shapes those that they are
-# made of, but no more than answer within a minute where both bodies have them.
-_RICHER, _MOST_JUDGING = 2, 1500
-
-
 def _on_shapes(
     body: MeshBody, scene: Scene, pair: GearPair, grid: MeshGrid, tell: Callable[[str], None]
 ) -> MeshBody:
@@ -369,24 +384,13 @@ def _on_shapes(
     gear, teeth = body.built.plan.gear, body.built.plan.teeth_count
     sectors = in_mesh.condensed.facts["sectors"]
     assert isinstance(sectors, int)
-    on = lambda basis: in_mesh.moving(basis.under_teeth(teeth, sectors)[0])
     if scene.model.shapes == "excited":
         tell(f"{gear}: shapes that the mesh excites")
         basis, _ = natural.under_teeth(teeth, sectors)
         shapes = excited_shapes(basis, in_mesh, pair, GEARS.index(gear), grid, count)
         if shapes is not None:
-            shaped = shapes.of_body(in_mesh, basis)._asdict()
-            judging = max(min(CANDIDATES * count, _MOST_JUDGING), _RICHER * count)
-            on_modes = lambda: on(lowest_modes(natural, judging))
-            return dataclasses.replace(body, **shaped, on_modes=on_modes)
-    basis, more = lowest_modes(natural, count), lowest_modes(natural, _RICHER * count)
-    richer = None if len(more.square) == len(basis.square) else lambda: on(more)
-    return dataclasses.replace(
-        body,
-        flexible=on(basis),
-        basis=basis,
-        on_modes=richer,
-        residual=None,
-        made_of=None,
-        into=None,
-    )
+            return dataclasses.replace(body, **shapes.of_body(in_mesh, basis)._asdict())
+    basis = lowest_modes(natural, count)
+    flexible = in_mesh.moving(basis.under_teeth(teeth, sectors)[0])
+    bare: Any = dict.fromkeys(("residual", "made_of", "into"))
+    return dataclasses.replace(body, flexible=flexible, basis=basis, **bare)

@@ -237,9 +237,9 @@ class SweepKeys(AbstractKeys):
         "for cycles of very many mesh periods"
     )
     check_shapes: bool = key(
-        "whether responses at a few speeds are found again with all natural modes of which the "
-        "shapes of condensed bodies are combinations, or twice as many, to tell how far off "
-        "they are; over cycles of very many mesh periods only if given",
+        "whether responses at a few speeds are found again with what all natural modes, of which "
+        "the shapes of condensed bodies are combinations, or twice as many show of the bodies' "
+        "motion, to tell how far off they are",
         default=True,
     )
 

@@ -1,36 +1,35 @@
 """How far off a sweep is for the shapes on which its condensed bodies vibrate.
 
-Excited shapes are combinations of several times as many natural modes. At a few speeds the response
-is found again with all of these, or with twice as many natural modes where shapes are natural
-modes, and more combinations of them in mesh: the difference is what the shapes leave out, in the
-loads that the response really has.
+Excited shapes are combinations of several times as many natural modes. At a few speeds all of these
+show what the bodies do under the forces of a response, or twice as many natural modes where shapes
+are natural modes. What the response lacks of it brings cells closer and loads the seats; so the
+response is found again (theory 11.9). The difference is an estimate of what the shapes leave out,
+in the loads that the response really has.
 """
 
 import dataclasses
-from types import MappingProxyType
+from collections.abc import Mapping
 from typing import NamedTuple
 
+import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 
-from jaxgear._dynamics._harmonic import HarmonicBalance
-from jaxgear._units import um
+from jaxgear._dynamics._harmonic import HarmonicBalance, harmonic_balance_problem
+from jaxgear._dynamics._orbit import Orbit
+from jaxgear._dynamics._system import PairDynamics
+from jaxgear._dynamics._table import ready_to_bear
+from jaxgear._response._left_out import left_out
+from jaxgear._response._measured import Measured, measured
+from jaxgear._response._whole_motion import WholeBody
 from jaxgear.scene._build import law_of
-from jaxgear.scene._scene import Scene
+from jaxgear.study._body_waves import WaveWatch
 from jaxgear.study._built import BuiltScene
-from jaxgear.study._dynamics import (
-    Dynamics,
-    Size,
-    is_too_large,
-    pair_in_motion,
-    settings_of,
-    size_of,
-)
+from jaxgear.study._dynamics import Dynamics, settings_of, size_of
 from jaxgear.study._fidelity._level import FLOOR
-from jaxgear.study._fidelity._motion import each
 from jaxgear.study._ranks import Doubtful
 from jaxgear.study._result import Summary
-from jaxgear.study._running import timed
-from jaxgear.study._sweeping import Sweep
+from jaxgear.study._sweeping import Sweep, alike
 
 # At most so many speeds, one for so many of the sweep; how far off a response may be unsaid [-].
 _MOST, _EACH, _TOLERANCE = 4, 8, 0.01
@@ -43,8 +42,9 @@ class ShapeCheck(NamedTuple):
 
     - `speeds`: of the pinion [rad/s].
     - `modes`, `shapes`: natural modes of all bodies with many, and shapes of those with few.
-    - `force`, `te_rms`: relative errors of the largest mesh force and the RMS of transmission
-        error at each; NaN where a response with all modes was not found [-].
+    - `force`, `te_rms`: estimates of the relative errors of the largest mesh force and of the RMS
+        of transmission
+        error at each; NaN where a response was not found again [-].
     """
 
     speeds: np.ndarray
@@ -77,7 +77,7 @@ class ShapeCheck(NamedTuple):
                     Doubtful(
                         f"With {self.modes} natural modes of condensed bodies in place of the "
                         f"{self.shapes} shapes the {what} at {self.speeds[worst]:.5g} rad/s is "
-                        f"{100.0 * abs(errors[worst]):.2g} % "
+                        f"about {100.0 * abs(errors[worst]):.2g} % "
                         f"{'larger' if errors[worst] < 0.0 else 'smaller'}: raise "
                         "model.coordinates, or let teeth meet softer by tip relief."
                     )
@@ -85,72 +85,94 @@ class ShapeCheck(NamedTuple):
         return found
 
 
-# What a sweep tells where nothing is checked, of `power-holes` (docs/accuracy.md).
-UNCHECKED = Doubtful(
-    "Over a cycle of so many mesh periods the shapes of condensed bodies are not checked unasked. "
-    "Of helical teeth over holes the default was within 0.2 % of many more shapes in the largest "
-    "mesh force, within 0.5 % in the RMS of transmission error. sweep.check_shapes = true checks a "
-    "few speeds, in a minute each."
-)
-
-
-def is_unchecked(scene: Scene, size: Size) -> bool:
-    """Whether a sweep leaves shapes unchecked: over a long cycle, unless the scene says.
-
-    A speed takes minutes there with all modes.
-    """
-    if "check_shapes" in scene.sweep.given:
-        return False
-    fewer = any(body.on_modes is not None for body in scene.bodies.values())
-    return fewer and is_too_large(scene.sweep, size)
-
-
-def shape_check(built: BuiltScene, dynamics: Dynamics, found: Sweep) -> ShapeCheck | None:
-    """Find responses of a sweep again with all modes of which shapes are made.
+def shape_check(
+    built: BuiltScene, dynamics: Dynamics, watch: WaveWatch, found: Sweep
+) -> ShapeCheck | None:
+    """Estimate how far off responses of a sweep are, by all modes of which shapes are made.
 
     **Arguments:**
 
     - `built`: the scene with its bodies.
     - `dynamics`: its pair in motion.
+    - `watch`: what looks at these bodies.
     - `found`: the sweep.
 
     **Returns:**
 
     The errors; or `None` where no shapes are left out, where the sweep does not go by harmonic
     balance, or where nothing has settled.
-
-    **Raises:**
-
-    - `SolverFailure` if the quasi-static cycle was not solved.
     """
-    scene = built.scene
-    richer = {
-        gear: dataclasses.replace(body, flexible=body.on_modes())
-        for gear, body in scene.bodies.items()
-        if body.on_modes is not None
-    }
-    method = settings_of(law_of(scene.mesh), scene.sweep, size_of(dynamics.pair)).method
+    scene, pair, wholes, more = built.scene, dynamics.pair, {}, False
+    method = settings_of(law_of(scene.mesh), scene.sweep, size_of(pair)).method
     chosen = _some(found)
-    if not (richer and chosen.size and isinstance(method, HarmonicBalance)):
+    if not (chosen.size and isinstance(method, HarmonicBalance)):
         return None
-    whole = dataclasses.replace(scene, bodies=MappingProxyType({**scene.bodies, **richer}))
-    whole = whole.replace({"model.mesh_coordinates": scene.at_mesh_of_reference})
-    pair = pair_in_motion(BuiltScene(whole))
-    speeds = found.speeds[chosen]
-    answers = timed(each, method, pair.system, speeds)
-    ratio, te_rms, _ = np.where(answers.solved, answers.values, np.nan)
+    for gear, looked in watch.looked.items():
+        whole, richer = looked.whole, scene.bodies[gear].more_modes
+        if richer is not None:
+            more, (flexible, into) = True, richer
+            whole = dataclasses.replace(whole, flexible=flexible, into=into)
+        wholes[looked.body.index] = whole
+    if not more:
+        return None
+    ready = ready_to_bear(pair.system.table)
+    moving = eqx.tree_at(lambda each: each.pair.system.table, dynamics, ready)
+    again = _Again(method, moving, wholes, scene.sweep.orders)
     own = [found.responses[found.main][place].numbers for place in chosen]
+    better = [again.better(found.speeds[place], n) for place, n in zip(chosen, own, strict=True)]
+    ratio, te_rms = np.array(better).T
     # Nobody needs a part of nothing.
-    cycle = dynamics.pair.cycle
-    least = FLOOR * float(np.mean(np.asarray(cycle.approach))) / um
-    off = np.array([float(one.te_rms) for one in own]) / um - te_rms
+    least = FLOOR * float(np.mean(np.asarray(pair.cycle.approach)))
+    off = np.array([float(one.te_rms) for one in own]) - te_rms
     return ShapeCheck(
-        speeds=speeds,
-        modes=sum(len(place.waves) for place in pair.bodies),
-        shapes=sum(len(place.waves) for place in dynamics.pair.bodies),
+        speeds=found.speeds[chosen],
+        modes=sum(len(whole.modes.waves) for whole in wholes.values()),
+        shapes=sum(len(place.waves) for place in pair.bodies),
         force=np.array([float(one.dynamic_ratio) for one in own]) / ratio - 1.0,
         te_rms=off / np.maximum(te_rms, least),
     )
+
+
+class _Again(NamedTuple):
+    """Finds responses of a sweep again, by its own programs.
+
+    **Fields:**
+
+    - `method`: of the sweep.
+    - `dynamics`: the pair in motion, made `ready_to_bear`.
+    - `wholes`: its bodies on many modes.
+    - `orders`: of the mesh that the sweep measures.
+    """
+
+    method: HarmonicBalance
+    dynamics: Dynamics
+    wholes: Mapping[int, WholeBody]
+    orders: int
+
+    def better(self, speed: float, own: Measured) -> tuple[float, float]:
+        """Dynamic ratio and RMS of transmission error [m] with what shapes leave out.
+
+        NaN where a response is not found again.
+        """
+        pair, at, lost = self.dynamics.pair, jnp.asarray(float(speed)), (np.nan, np.nan)
+        balance = harmonic_balance_problem(self.method, pair.system)
+        orbit, terms = self.method.solve(balance, at, balance.rest)
+        if not orbit.settled or not alike(own.dynamic_ratio, self._read(pair, orbit)[0]):
+            return lost
+        left = left_out(self.wholes, pair, orbit, self.method.law, self.method.harmonics)
+        table = pair.system.table
+        table = dataclasses.replace(table, gap=table.gap - left.closer[None], ready=None)
+        pair = eqx.tree_at(lambda x: x.system.table, pair, ready_to_bear(table))
+        balance = harmonic_balance_problem(self.method, pair.system)
+        balance = dataclasses.replace(balance, beside=jnp.asarray(left.load))
+        orbit, _ = self.method.solve(balance, at, terms)
+        return self._read(pair, orbit) if orbit.settled else lost
+
+    def _read(self, pair: PairDynamics, orbit: Orbit) -> tuple[float, float]:
+        """Dynamic ratio, and RMS of transmission error [m]."""
+        law, influences = self.method.law, self.dynamics.statics.influences
+        numbers = measured(pair, orbit, law, self.orders, influences)
+        return float(numbers.dynamic_ratio), float(numbers.te_rms)
 
 
 def _some(found: Sweep) -> np.ndarray:

@@ -88,15 +88,11 @@ def sweep_result(built: BuiltScene, dynamics: Dynamics, seen: Watch | None = Non
         shown = functools.partial(_shown, watches) if watches else None
         found = sweep_of(law_of(scene.mesh), scene.sweep, dynamics, done, shown)
     check = None
-    unchecked: list[str] = []
-    if dynamics.pair.bodies and scene.sweep.check_shapes:
-        from jaxgear.study._shape_check import UNCHECKED, is_unchecked, shape_check
+    if watch is not None and scene.sweep.check_shapes:
+        from jaxgear.study._shape_check import shape_check
 
-        if is_unchecked(scene, size_of(dynamics.pair)):
-            unchecked.append(UNCHECKED)
-        else:
-            with narration("check of shapes"):
-                check = shape_check(built, dynamics, found)
+        with narration("check of shapes"):
+            check = shape_check(built, dynamics, watch, found)
     dataset, orbit = sweep_dataset(dynamics, found), orbit_dataset(dynamics, found)
     at_peak = f", {orbit.attrs['speed_rad_s']:.5g} rad/s"
     datasets = {
@@ -108,8 +104,7 @@ def sweep_result(built: BuiltScene, dynamics: Dynamics, seen: Watch | None = Non
         "sweep": _sweep_summary(scene.sweep, scene.gears, dynamics, found, dataset),
         "notes": sweep_notes(
             scene, found.unsettled, count, list(found.pieces_lost()), found.passed_over()
-        )
-        + unchecked,
+        ),
     }
     if any(gear.shaft.unbalance for gear in scene.gears.values()):
         from jaxgear.study._unbalance import shaken

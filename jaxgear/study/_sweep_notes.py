@@ -73,7 +73,7 @@ def _natural(body: Any, model: ModelKeys) -> BodyBasis:
     """The natural modes of a body in motion; of excited shapes they are the lowest."""
     basis: BodyBasis = body.basis
     count = len(basis.square)
-    if body.on_modes is not None and model.shapes == "excited":
+    if body.made_of is not None:
         count = natural_among(count, basis.waves)
     return dataclasses.replace(
         basis, square=basis.square[:count], diameters=basis.diameters[:count]

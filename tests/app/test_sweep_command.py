@@ -460,7 +460,7 @@ def test_what_a_condensed_body_cannot_show_is_said(folder):
     square = (2.0 * np.pi * np.array([3e3, 9e3])) ** 2
     none, waves = np.zeros((6, 2)), np.array([0, 4])
     basis = BodyBasis(square, none, np.eye(6), waves, waves)
-    bodies = {"wheel": SimpleNamespace(basis=basis, on_modes=None)}
+    bodies = {"wheel": SimpleNamespace(basis=basis, made_of=None)}
     scene = dataclasses.replace(bare, bodies=bodies)
     # 9 kHz is the 2.83rd order of 20 teeth at 1000 rad/s, the 47.1st at 60.
     too_many, reach = sweep_notes(scene, 0, 2)

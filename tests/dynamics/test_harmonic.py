@@ -64,6 +64,49 @@ def test_matrix_is_the_derivative_of_the_residual(name):
     np.testing.assert_allclose(ours, expected, rtol=1e-10, atol=1e-10)
 
 
+@pytest.mark.parametrize("name", quick(1, ["exact", "averaged", "two"]))
+def test_loads_that_move_the_structure_as_much_as_gaps_recede_change_no_force(name):
+    """The motion is then that without them and theirs: of the structure alone, without contact."""
+    system, method = _variant(name)
+    speed, rng = jnp.asarray(0.9), np.random.default_rng(6)
+    balance = harmonic_balance_problem(method, system)
+    count, dofs = balance.count, system.mass.shape[0]
+    drawn = 0.02 * rng.normal(size=(2, count + 1, dofs))
+    amplitude = drawn[0] + 1j * drawn[1] * (np.arange(count + 1) > 0)[:, None]
+    # On both cycles alike, and on harmonics of the mesh alone, as the gaps are.
+    amplitude[np.arange(count + 1) % method.multiple > 0] = 0.0
+    at, moved = np.asarray(system.table.edges), []
+    for part in (0.0, 0.5, 1.0):
+        angle = 2.0 * np.pi * (at[:-1] + part * np.diff(at)) / method.multiple
+        waves = np.exp(1j * np.multiply.outer(angle, np.arange(count + 1)))
+        moved.append(np.real(waves @ amplitude))
+    met = np.stack(moved) @ np.asarray(system.vectors)
+    gap = system.table.gap + jnp.einsum("apcn,apn->apc", system.table.arms, jnp.asarray(met))
+    frequency = float(speed) * np.arange(count + 1) / method.multiple
+    mass, rates, stiffness = (
+        np.asarray(x) for x in (system.mass, system.rates_at(speed), system.stiffness)
+    )
+    load = amplitude @ stiffness.T - frequency[:, None] ** 2 * (amplitude @ mass.T)
+    load = load + 1j * frequency[:, None] * (amplitude @ rates.T)
+
+    shifted = eqx.tree_at(lambda x: x.table.gap, system, gap)
+    other = dataclasses.replace(
+        harmonic_balance_problem(method, shifted), beside=jnp.asarray(load), rest=balance.rest
+    )
+    # One program serves both.
+    none = dataclasses.replace(balance, beside=jnp.zeros(load.shape, dtype=complex))
+    plain, _ = method.solve(none, speed)
+    found, _ = method.solve(other, speed)
+    assert bool(plain.settled)
+    assert bool(found.settled)
+    assert np.ptp(np.asarray(plain.load)[:, 0]) > 0.1
+    assert_near(np.asarray(found.load), np.asarray(plain.load), 1e-7)
+    middle = np.tile(moved[1], (method.multiple, 1))
+    assert_near(np.asarray(found.motion), np.asarray(plain.motion) + middle, 1e-7)
+    begins = np.real(amplitude.sum(axis=0)), np.real((1j * frequency) @ amplitude)
+    assert_near(np.asarray(found.start), np.asarray(plain.start) + np.stack(begins), 1e-7)
+
+
 @pytest.mark.parametrize("name", quick(1, ["averaged", "bow", "exact", "two", "cell damping"]))
 def test_iteration_finds_what_the_matrix_does(name, monkeypatch):
     """A response with open cells, and its derivatives by speed and load in both directions."""

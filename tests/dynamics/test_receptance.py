@@ -44,9 +44,9 @@ def _system(damping_ratio: float = 0.02) -> DynamicSystem:
     )
 
 
-def _answers(system: DynamicSystem) -> AbstractAnswers:
+def _answers(system: DynamicSystem, beside: jax.Array | None = None) -> AbstractAnswers:
     mean = jnp.linalg.solve(system.stiffness_at(SPEED), system.vectors)
-    return answers_of(system, modal_basis(system), FREQUENCY, SPEED, mean)
+    return answers_of(system, modal_basis(system), FREQUENCY, SPEED, mean, beside)
 
 
 def _numbers(system: DynamicSystem) -> tuple[jax.Array, jax.Array, jax.Array]:
@@ -93,6 +93,24 @@ def test_motion_is_that_of_the_equation_of_motion(monkeypatch):
     forces += np.asarray(system.rates_at(SPEED)) @ (first @ motion)
     forces += np.asarray(system.stiffness_at(SPEED)) @ (values @ motion)
     assert_near(forces, np.asarray(system.vectors) @ (values @ load), 1e-11)
+
+
+@pytest.mark.parametrize("turning", [True, False])
+def test_other_loads_move_all_of_the_structure(turning, monkeypatch):
+    """Each frequency by itself in NumPy; by poles, by solving, and by natural modes."""
+    system = _system() if turning else dataclasses.replace(_system(), gyroscopic=None)
+    drawn = np.random.default_rng(8).normal(size=(2, FREQUENCY.size, 8))
+    load = jnp.asarray(drawn[0] + 1j * drawn[1])
+    mass, rates, stiffness = (
+        np.asarray(x) for x in (system.mass, system.rates_at(SPEED), system.stiffness_at(SPEED))
+    )
+    wanted = [
+        np.linalg.solve(stiffness + 1j * w * rates - w**2 * mass, own)
+        for w, own in zip(np.asarray(FREQUENCY), np.asarray(load), strict=True)
+    ]
+    work = lambda system: _answers(system, load).beside
+    for found in _both(system, monkeypatch, work):
+        assert_near(np.asarray(found), np.asarray(wanted), 1e-11)
 
 
 def test_without_gyroscopic_terms_natural_modes_do_the_same(monkeypatch):

@@ -17,8 +17,15 @@ from jaxgear._dynamics._pair_dynamics import pair_dynamics
 from jaxgear._geometry._lines import contact_lines
 from jaxgear._response._body_motion import body_motion, rotating_spectrum, start_angle
 from jaxgear._response._gauges import GaugeInfluences, gauge_influences, rest_readings
+from jaxgear._response._left_out import approach_by_modes
 from jaxgear._response._spectrum import fitted_harmonics, joined_spectra, spectrum_of_steps
-from jaxgear._response._whole_motion import WholeBody, whole_motion
+from jaxgear._response._whole_motion import (
+    WholeBody,
+    WholeModes,
+    by_inertia,
+    loads_on_seats,
+    whole_motion,
+)
 from jaxgear._system._body_modes import BodyBasis, body_basis
 from jaxgear._system._body_tables import body_in_mesh, flexible_body
 from jaxgear._system._excited_shapes import excited_shapes
@@ -328,3 +335,36 @@ def test_loads_on_modes_are_those_of_the_arms():
     twice = mode_loads(pair, 1, case.body.flexible, lines, jnp.tile(case.force, (2, 1)))
     assert_close(np.asarray(once), wanted, rtol=1e-12, atol=1e-12 * np.abs(wanted).max())
     assert_close(np.asarray(twice), np.tile(wanted, (2, 1)), rtol=1e-12, atol=1e-20)
+
+
+@pytest.mark.parametrize("rotating", [True, pytest.param(False, marks=pytest.mark.slow)])
+def test_modes_load_the_seats_as_those_of_the_structure_do(rotating):
+    """By their inertia, wave by wave in coordinates that turn, and by the matrices in space."""
+    case, speed, draw = _case(12), 1200.0, np.random.default_rng(9)
+    dynamics = case.dynamics
+    if not rotating:
+        dynamics = _dynamics(case.body.flexible, rotating=False)
+    body = _whole(case.body.flexible, rotating=rotating)
+    seat, modes, _ = _own_dofs(dynamics)
+    motion = np.zeros((3, len(dynamics.dofs)), dtype=complex)
+    motion[:, modes] = 1e-6 * _drawn(draw, len(modes))
+    orbit = _orbit(dynamics, speed)
+    orbit = dataclasses.replace(orbit, motion=jnp.asarray(_in_time(dynamics, motion)))
+    frequency = TEETH[0] * speed * np.arange(3)
+    wanted = np.stack([_dynamic_stiffness(dynamics, speed, h)[seat] @ motion[h] for h in range(3)])
+    found = by_inertia(dynamics, orbit, seat, modes, frequency)
+    assert_close(found, wanted, rtol=1e-9, atol=1e-9 * np.abs(wanted).max())
+    moved = body_motion(dynamics, orbit, 1)
+    seats = np.zeros((3, len(seat)), dtype=complex)
+    whole = WholeModes(moved, seats, motion[:, modes], 0.0 * motion[:, modes], frequency)
+    assert_close(loads_on_seats(body, whole), wanted, rtol=1e-9, atol=1e-9 * np.abs(wanted).max())
+
+
+def test_modes_bring_cells_closer_by_their_arms():
+    case, modes = _case(12), np.random.default_rng(2).normal(size=(2 * _PHASES, 12))
+    modes = jnp.asarray(modes[:, : len(case.basis.square)])
+    pair, lines = PAIRS["helical"](), case.dynamics.cycle.cells.lines
+    arms = np.asarray(mode_arms(pair, 1, case.body.flexible, lines))
+    wanted = np.einsum("pcm,pm->pc", np.tile(arms, (2, 1, 1)), modes)
+    found = approach_by_modes(pair, 1, case.body.flexible, lines, modes)
+    assert_close(np.asarray(found), wanted, rtol=1e-12, atol=1e-12 * np.abs(wanted).max())
