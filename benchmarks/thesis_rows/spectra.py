@@ -9,7 +9,7 @@ import numpy as np
 
 from jaxgear._dynamics._modes import pair_modes
 from jaxgear._dynamics._orbit import Orbit
-from jaxgear._response._body_motion import BodyMotion, Spectrum, body_motion
+from jaxgear._response._body_motion import BodyMotion, Spectrum
 from jaxgear._response._dynamic import order_amplitudes
 from jaxgear.study._moving_body import moving_bodies
 from jaxgear.study._probes import probe_at
@@ -17,7 +17,7 @@ from jaxgear.study._probes import probe_at
 from .energy import shares
 from .finding import Finding
 from .motion import Moving, moving, sweep
-from .travelling import by_shapes, crossings, rim_of
+from .travelling import Rim, by_modes, crossings, motion_of, rim_of
 
 um = 1e-6
 SPEEDS = np.arange(300.0, 3001.0, 20.0)
@@ -33,7 +33,7 @@ class Spectra(NamedTuple):
 
     `each` pair; `orbits`; `ratio` dynamic [-]; `node` amplitude of a node of the rim by speed and
     `DIAMETERS`, radial [um]; `force` of the mesh's first four harmonics over the static force [-];
-    `probe` RMS of a probe that stands still about its mean [um]; `angle` of the rim [rad].
+    `probe` RMS of a probe that stands still about its mean [um]; `rim` of the wheel.
     """
 
     each: Moving
@@ -42,7 +42,7 @@ class Spectra(NamedTuple):
     node: np.ndarray
     force: np.ndarray
     probe: np.ndarray
-    angle: float
+    rim: Rim
 
     def near(self, speed: float) -> int:
         """Number of the speed next to one."""
@@ -51,7 +51,7 @@ class Spectra(NamedTuple):
     def motion(self, at: int) -> BodyMotion:
         """Motion of the wheel at one of the speeds."""
         orbit = jax.tree.map(lambda x: x[at], self.orbits)
-        return body_motion(self.each.dynamics, orbit, 1, 5, angle=self.angle)
+        return motion_of(self.each, self.rim, orbit)
 
     def leading(self, at: int) -> list[int]:
         """Diameters of the node's orders, the largest first."""
@@ -66,13 +66,13 @@ def spectra() -> Spectra:
     curve, orbits = sweep(each.system, SPEEDS)
     load = orbits.load[:, :, 0] / each.system.force
     force = np.asarray(jax.vmap(lambda own: order_amplitudes(each.system, own, 4))(load))
-    found = Spectra(each, orbits, curve.ratio, np.empty(0), force, np.empty(0), rim.angle)
+    found = Spectra(each, orbits, curve.ratio, np.empty(0), force, np.empty(0), rim)
     node, probe = [], []
     for at in range(len(SPEEDS)):
         motion = found.motion(at)
         # The first: radial, at the lower end of the rim, as the thesis's node.
-        seen = by_shapes(rim.body, rim.gauges[0], motion)
-        fixed = by_shapes(rim.body, rim.probes[0], motion)
+        seen = by_modes(rim.body, rim.gauges[0], motion)
+        fixed = by_modes(rim.body, rim.probes[0], motion)
         node.append([float(np.abs(seen.near(teeth - n))) / um for n in DIAMETERS])
         probe.append(math.sqrt(float(fixed.mean_square)) / um)
     return found._replace(node=np.asarray(node), probe=np.asarray(probe))
@@ -144,7 +144,7 @@ def three_nodes() -> Finding:
     turn = np.linspace(0.0, 2.0 * np.pi, 4096, endpoint=False)
     for third in range(3):
         place = body.radius, third * 2.0 * math.pi / 3.0, height
-        whole = by_shapes(body, probe_at(body, place, 0, turns=True, name=""), motion)
+        whole = by_modes(body, probe_at(body, place, 0, turns=True, name=""), motion)
         band = np.abs(whole.order - teeth) <= 8.0
         own = Spectrum(whole.order, np.where(band, whole.amplitude, 0.0))
         first = own if first is None else first

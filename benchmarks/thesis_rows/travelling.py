@@ -9,16 +9,19 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from jaxgear import Orbit
+from jaxgear import ExactContact, Orbit
 from jaxgear._dynamics._campbell import (
     CriticalSpeed,
     critical_crossings,
     modes_alone,
     turning_modes,
 )
-from jaxgear._response._body_motion import BodyMotion, body_motion, start_angle
+from jaxgear._response._body_motion import BodyMotion, start_angle
+from jaxgear._response._dynamic import forces_in_motion
 from jaxgear._response._spectrum import Spectrum
 from jaxgear._response._waves import Circle, joined_circles, joined_waves, waves_on_body
+from jaxgear._response._whole_motion import WholeBody, whole_modes
+from jaxgear.study._body_waves import whole_body
 from jaxgear.study._moving_body import MovingBody, moving_bodies
 from jaxgear.study._probes import Probe, probe_at
 
@@ -89,6 +92,7 @@ class Rim(NamedTuple):
     """What is looked at on a wheel's rim: circles, gauges and probes at its ends."""
 
     body: MovingBody
+    whole: WholeBody
     circle: Circle
     gauges: list
     probes: list
@@ -107,11 +111,18 @@ def rim_of(each: Moving) -> Rim:
         for way in (0, 2)
     ]
     circle = joined_circles(circles, min(most, 12))
-    return Rim(whole, circle, seen(True), seen(False), start_angle(each.model.pair, 1))
+    modes = whole_body(each.scene, whole)
+    return Rim(whole, modes, circle, seen(True), seen(False), start_angle(each.model.pair, 1))
 
 
-def by_shapes(body: MovingBody, probe: Probe, motion: BodyMotion) -> Spectrum:
-    """What a probe shows of a motion of seats and shapes."""
+def motion_of(each: Moving, rim: Rim, orbit: Orbit) -> BodyMotion:
+    """What seats and natural modes of the wheel do in a response, by five mesh orders."""
+    force = forces_in_motion(each.dynamics, orbit, ExactContact())
+    return whole_modes(rim.whole, each.dynamics, orbit, 1, force, 5, angle=rim.angle).motion
+
+
+def by_modes(body: MovingBody, probe: Probe, motion: BodyMotion) -> Spectrum:
+    """What a probe shows of a motion of seats and natural modes."""
     return probe.spectrum(motion, probe.looking_at(probe.coordinates @ body.motions))
 
 
@@ -129,7 +140,7 @@ def at_crossing(
     motions = []
     for i in range(len(speeds)):
         orbit = jax.tree.map(lambda x, i=i: x[i], orbits)
-        motions.append(body_motion(each.dynamics, orbit, 1, 5, angle=rim.angle))
+        motions.append(motion_of(each, rim, orbit))
     sizes = []
     for motion in motions:
         waves = joined_waves(waves_on_body(motion, rim.circle))
@@ -142,11 +153,11 @@ def at_crossing(
     inside = tops.size > 0
     top = int(tops[np.argmin(np.abs(tops - middle))]) if inside else middle
     motion = motions[top]
-    spectra = [by_shapes(rim.body, gauge, motion) for gauge in rim.gauges]
+    spectra = [by_modes(rim.body, gauge, motion) for gauge in rim.gauges]
     best = max(spectra, key=lambda x: float(np.abs(x.near(teeth - lobes))))
     by_order = float(np.abs(best.near(teeth - lobes)) / np.abs(best.near(teeth)))
     strongest, share = joined_waves(waves_on_body(motion, rim.circle)).strongest(teeth - lobes)
-    fixed = [by_shapes(rim.body, probe, motion) for probe in rim.probes]
+    fixed = [by_modes(rim.body, probe, motion) for probe in rim.probes]
     still = max(fixed, key=lambda x: float(np.abs(x.near(teeth))))
     return Wave(
         diameters=lobes,

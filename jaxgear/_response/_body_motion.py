@@ -10,7 +10,6 @@ import numpy as np
 import scipy.sparse
 
 from jaxgear._checks import require
-from jaxgear._dynamics._bodies import BodyPlace
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._geometry._pair import GearPair
@@ -23,8 +22,7 @@ from jaxgear._types import Reals
 class BodyMotion:
     r"""Motion of a turning condensed body in a steady response.
 
-    Its coordinates are seats and modes, and parts of its residual shapes: of each wave, and each
-    shape, a pair that turns as modes of that wave do.
+    Its coordinates are seats and modes.
 
     **Fields:**
 
@@ -163,7 +161,7 @@ def body_motion(
     *,
     angle: float | None = None,
 ) -> BodyMotion:
-    """Motion of a condensed body in a steady response, by harmonics of the mesh.
+    """Motion of a condensed body in a steady response: seats and modes, by harmonics of the mesh.
 
     The steps of a cycle are not all of one length; the harmonics are those that fit the motion in
     the middles of the steps best, in the mean over time. A response by harmonic balance they meet.
@@ -197,12 +195,10 @@ def body_motion(
     table = system.table
     periods = len(motion) // len(table.kinds) * table.periods
     pair = dynamics.cycle.system.pair
-    chosen = np.r_[list(place.seats), place.mode_dofs, place.residual_dofs]
-    found = fitted_harmonics(whole[:, chosen], table.period_lengths, harmonics)
-    amplitudes, waves = _by_parts(place, found)
+    chosen = np.r_[list(place.seats), place.mode_dofs]
     return BodyMotion(
-        amplitudes=amplitudes,
-        waves=waves,
+        amplitudes=fitted_harmonics(whole[:, chosen], table.period_lengths, harmonics),
+        waves=np.r_[seat_waves(len(place.seats)), np.asarray(place.waves, dtype=int)],
         teeth=(pair.pinion, pair.wheel)[index].teeth,
         periods=periods,
         speed=place.speed * float(orbit.speed),
@@ -254,21 +250,6 @@ def _without(dynamics: PairDynamics, orbit: Orbit, load: Reals) -> Orbit:
         give = give.at[body.residual_dofs].set(1.0 / body.residual)
     motion = orbit.motion - load * give[None, np.asarray(dynamics.dofs)]
     return eqx.tree_at(lambda each: each.motion, orbit, motion)
-
-
-def _by_parts(place: BodyPlace, found: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Parts of residual shapes in place of these, `[harmonic, coordinate]`, and waves of all.
-
-    In space each of its waves is as large as the shape, and their partners are not there.
-    """
-    own = np.r_[seat_waves(len(place.seats)), np.asarray(place.waves, dtype=int)]
-    size, waves = len(own), place.residual_waves
-    residual = found[:, size:]
-    parts = np.zeros((len(found), len(waves), residual.shape[1], 2), dtype=complex)
-    parts[..., 0] = residual[:, None, :]
-    amplitudes = np.concatenate([found[:, :size], parts.reshape(len(found), -1)], axis=1)
-    pairs = np.kron(np.repeat(waves, residual.shape[1]), np.array([1, -1]))
-    return amplitudes, np.r_[own, pairs]
 
 
 # --- Gauges that turn with the body

@@ -83,7 +83,7 @@ def left_out(
         index, whole = place.index, wholes[place.index]
         angle = start_angle(gears, index)
         found = whole_modes(whole, dynamics, driven, index, force, harmonics, angle=angle)
-        modes = jnp.asarray(at_steps(found.beyond))
+        modes = jnp.asarray(at_steps(found.modes - found.at_rest))
         closer += np.asarray(approach_by_modes(gears, index, whole.flexible, lines, modes))
         seats = np.flatnonzero(np.isin(dofs, place.seats))
         known, of = np.isin(place.seats, dofs), np.flatnonzero(np.isin(dofs, some))

@@ -166,47 +166,31 @@ class WholeModes(NamedTuple):
 
     **Fields:**
 
-    - `motion`: of its seats and shapes.
-    - `seats`: of its seats, `[harmonic, seat]` [m, rad].
-    - `modes`: of its natural modes, `[harmonic, mode]` [m kg^1/2].
-    - `at_rest`: what the forces of the cells would have these do at rest, alike [m kg^1/2].
+    - `motion`: of its seats, then natural modes.
+    - `at_rest`: what the forces of the cells would have these modes do at rest,
+        `[harmonic, mode]` [m kg^1/2].
     - `frequency`: of the harmonics [rad/s].
     """
 
     motion: BodyMotion
-    seats: np.ndarray
-    modes: np.ndarray
     at_rest: np.ndarray
     frequency: np.ndarray
 
     @property
-    def beyond(self) -> np.ndarray:
-        """What they do beyond that [m kg^1/2]."""
-        return self.modes - self.at_rest
+    def seats(self) -> np.ndarray:
+        """Motion of its seats, `[harmonic, seat]` [m, rad]."""
+        return self.motion.amplitudes[:, : -self.at_rest.shape[1]]
 
+    @property
+    def modes(self) -> np.ndarray:
+        """Motion of its natural modes, `[harmonic, mode]` [m kg^1/2]."""
+        return self.motion.amplitudes[:, -self.at_rest.shape[1] :]
 
-def whole_motion(
-    whole: WholeBody,
-    dynamics: PairDynamics,
-    orbit: Orbit,
-    index: int,
-    force: StepCells,
-    harmonics: int,
-    *,
-    angle: float,
-) -> BodyMotion:
-    r"""Seats, and natural modes beyond what they do at rest, in a steady response.
-
-    **Arguments:** as of `whole_modes`.
-
-    **Returns:**
-
-    The motion, of seats and then natural modes. What stands still on the body, rotation and heat,
-    is in it as the shapes have it.
-    """
-    found = whole_modes(whole, dynamics, orbit, index, force, harmonics, angle=angle)
-    amplitudes = np.concatenate([found.seats, found.beyond], axis=1)
-    return dataclasses.replace(found.motion, amplitudes=amplitudes, waves=whole.waves)
+    @property
+    def beyond(self) -> BodyMotion:
+        """Seats, and natural modes beyond what they do at rest."""
+        amplitudes = np.concatenate([self.seats, self.modes - self.at_rest], axis=1)
+        return dataclasses.replace(self.motion, amplitudes=amplitudes)
 
 
 def whole_modes(
@@ -233,7 +217,7 @@ def whole_modes(
 
     **Returns:**
 
-    Their motion.
+    Their motion. What stands still on the body, rotation and heat, is in it as the shapes have it.
     """
     (place,) = (each for each in dynamics.bodies if each.index == index)
     motion = body_motion(dynamics, orbit, index, angle=angle)
@@ -254,8 +238,9 @@ def whole_modes(
         beside = np.flatnonzero(np.isin(dynamics.dofs, place.residual_dofs))
         pushed = pushed + by_inertia(dynamics, orbit, own, beside, frequency)
     modes = _answered(whole, pressed, pushed, moved[:, :seats], shapes, frequency, motion.speed)
-    at_rest = pressed / np.asarray(whole.modes.square)
-    return WholeModes(motion, moved[:, :seats], modes, at_rest, frequency)
+    amplitudes = np.concatenate([moved[:, :seats], modes], axis=1)
+    motion = dataclasses.replace(motion, amplitudes=amplitudes, waves=whole.waves)
+    return WholeModes(motion, pressed / np.asarray(whole.modes.square), frequency)
 
 
 def loads_on_seats(whole: WholeBody, found: WholeModes) -> np.ndarray:

@@ -20,15 +20,12 @@ class ShapedBody(NamedTuple):
 
     - `flexible`: its tables; what the combinations leave deflects statically.
     - `basis`: the combinations as a basis, without residual shapes.
-    - `residual`: motion of its coordinates per part of a residual shape, as of
-        `Combinations.residual_motions`, or `None`: there are none [kg^-1/2].
     - `made_of`: natural modes that the combinations are made of, without residual shapes.
     - `into`: the combinations by these, `[mode, combination]` [-].
     """
 
     flexible: FlexibleBody
     basis: BodyBasis
-    residual: np.ndarray | None
     made_of: BodyBasis
     into: np.ndarray
 
@@ -94,13 +91,13 @@ class Combinations(NamedTuple):
         found = body.moving(own)
         modes = found.modes
         if residual is None or not residual.square.size:
-            return ShapedBody(found, own, None, made_of, into)
+            return ShapedBody(found, own, made_of, into)
         assert modes is not None
         waves = residual.waves(np.asarray(wave_partners(basis.waves)[1]))
         parts = self.residual_motions(basis)
         beside = _beside(modes, body, own, residual, waves, parts)
         moving = dataclasses.replace(found, modes=beside)
-        return ShapedBody(moving, own, parts, made_of, into)
+        return ShapedBody(moving, own, made_of, into)
 
 
 def _beside(

@@ -53,8 +53,6 @@ class MeshBody:
     - `follows`: key of a measure of its web that is to be varied, or `None`.
     - `family`: bodies over that measure, in the unit of its key; their statics is the body's.
     - `heated`: what heat does to it, or `None`: the scene gives no temperatures.
-    - `residual`: its motion per part of its residual shapes, as of
-        `Combinations.residual_motions`, or `None`: it has none [kg^-1/2].
     - `made_of`: natural modes, as they repeat under its teeth, of which these motions are
         combinations, or `None`: they are natural modes.
     - `into`: the motions by these, `[mode, motion]`, or `None` [-].
@@ -68,7 +66,6 @@ class MeshBody:
     follows: str | None = None
     family: BodyFamily | None = None
     heated: HeatedBody | None = None
-    residual: np.ndarray | None = None
     made_of: BodyBasis | None = None
     into: np.ndarray | None = None
 
@@ -392,5 +389,5 @@ def _on_shapes(
             return dataclasses.replace(body, **shapes.of_body(in_mesh, basis)._asdict())
     basis = lowest_modes(natural, count)
     flexible = in_mesh.moving(basis.under_teeth(teeth, sectors)[0])
-    bare: Any = dict.fromkeys(("residual", "made_of", "into"))
+    bare: Any = dict.fromkeys(("made_of", "into"))
     return dataclasses.replace(body, flexible=flexible, basis=basis, **bare)

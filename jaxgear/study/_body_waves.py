@@ -11,8 +11,9 @@ import numpy as np
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._sweep_types import Direction, SweepPoint, Ways
 from jaxgear._dynamics._system import PairDynamics
+from jaxgear._dynamics._types import StepCells
 from jaxgear._interface._laws import AbstractContactLaw
-from jaxgear._response._body_motion import body_motion, start_angle
+from jaxgear._response._body_motion import start_angle
 from jaxgear._response._dynamic import forces_in_motion
 from jaxgear._response._flank_loads import FlankLoads, LargestLoad, flank_loads
 from jaxgear._response._gauges import GaugeInfluences, gauge_influences, rest_readings
@@ -27,9 +28,10 @@ from jaxgear._response._waves import (
     order_sums,
     waves_on_body,
 )
-from jaxgear._response._whole_motion import WholeBody, whole_motion
+from jaxgear._response._whole_motion import WholeBody, WholeModes, whole_modes
 from jaxgear._system._held_body import held_answers
 from jaxgear.scene._build_pair import pair_of
+from jaxgear.scene._scene import Scene
 from jaxgear.study._built import BuiltScene
 from jaxgear.study._dynamics import damping_of
 from jaxgear.study._gauges import Gauge, gauges_of
@@ -92,18 +94,20 @@ class Looked:
         """Orders above this one are those of the mesh; below, the body turns under its load [-]."""
         return 0.5 * self.body.teeth
 
-    def motion(self, pair: PairDynamics, orbit: Orbit, orders: int) -> BodyMotion:
-        """The body's motion in a response, without what is beyond so many mesh orders."""
-        motion = body_motion(pair, orbit, self.body.index, angle=self.angle)
-        count = min(len(motion.amplitudes), orders * motion.periods + 1)
-        return dataclasses.replace(motion, amplitudes=motion.amplitudes[:count])
+    def moved(
+        self, pair: PairDynamics, orbit: Orbit, law: AbstractContactLaw, orders: int
+    ) -> "Moved":
+        """What the body does in a response, without what is beyond so many mesh orders."""
+        force, index = forces_in_motion(pair, orbit, law), self.body.index
+        found = whole_modes(self.whole, pair, orbit, index, force, orders, angle=self.angle)
+        return Moved(force, found)
 
     @functools.cached_property
     def _read(self) -> list["_Read"]:
         """What its probes read, those that turn with the body apart from those that do not."""
         rows, found = np.concatenate([probe.coordinates for probe in self.probes]), []
         answers = held_answers(self.body.built.body, rows)
-        shown = rows @ self.body.natural.motions
+        shown = rows @ self.body.motions
         of = np.repeat(np.arange(len(self.probes)), [len(x.coordinates) for x in self.probes])
         for turns in (True, False):
             chosen = [n for n, probe in enumerate(self.probes) if probe.turns == turns]
@@ -115,15 +119,14 @@ class Looked:
         return found
 
     def probe_spectra(
-        self, pair: PairDynamics, orbit: Orbit, law: AbstractContactLaw, orders: int
+        self, pair: PairDynamics, orbit: Orbit, moved: "Moved", orders: int
     ) -> tuple[Spectrum, ...]:
         """What its probes show of a response, without what is beyond so many mesh orders [m].
 
         What the forces of the cells give at rest, and what the body does beyond it. Rotation and
         heat stand still on the body: its shapes show them.
         """
-        force, index = forces_in_motion(pair, orbit, law), self.body.index
-        motion = whole_motion(self.whole, pair, orbit, index, force, orders, angle=self.angle)
+        motion, force = moved.modes.beyond, moved.force
         lengths, teeth, found = pair.system.table.period_lengths, self.body.teeth, {}
         for read in self._read:
             # What stands still sees the same in every cycle, what turns in every revolution.
@@ -157,13 +160,26 @@ class Looked:
         return MainWave(order, number, waves.strongest(order)[1], waves.size[best], travel)
 
 
+class Moved(NamedTuple):
+    """What a body does in a response.
+
+    **Fields:**
+
+    - `force`: of all cells at each step [N].
+    - `modes`: what its natural modes do under them.
+    """
+
+    force: StepCells
+    modes: WholeModes
+
+
 class _Read(NamedTuple):
     """What probes of one kind read.
 
     **Fields:**
 
     - `probes`: their numbers.
-    - `circles`: that they look at, by coordinates of a `whole_motion`.
+    - `circles`: that they look at, by coordinates of `WholeModes.motion`.
     - `ends`: of all nodes, where those of the next probe begin.
     - `influences`: of loads on the teeth, on all nodes.
     """
@@ -236,12 +252,13 @@ class WaveWatch:
 
     def __call__(self, ways: Ways, point: SweepPoint, ratio: float) -> None:
         """Look at a response, whose dynamic ratio is known [-]."""
-        motions = {
-            gear: each.motion(self.pair, point.orbit, self.orders)
+        moved = {
+            gear: each.moved(self.pair, point.orbit, self.law, self.orders)
             for gear, each in self.looked.items()
         }
+        motions = {gear: each.modes.motion for gear, each in moved.items()}
         probes = {
-            gear: each.probe_spectra(self.pair, point.orbit, self.law, self.orders)
+            gear: each.probe_spectra(self.pair, point.orbit, moved[gear], self.orders)
             for gear, each in self.looked.items()
         }
         speed, rank = float(point.orbit.speed), (point.settled, ratio)
@@ -295,16 +312,22 @@ def wave_watch(built: BuiltScene, pair: PairDynamics) -> WaveWatch:
             probes=probes,
             gauges=gauges,
             angle=angle,
-            whole=WholeBody(
-                flexible=scene.bodies[gear].of_modes,
-                into=scene.bodies[gear].into,
-                shape_waves=body.basis.waves,
-                damping=damping_of(scene.damping),
-                rotating=scene.model.gyroscopic,
-            ),
+            whole=whole_body(scene, body),
             read=functools.partial(_read, built, body),
         )
     return WaveWatch(pair, looked, max(1, scene.sweep.orders), built.law)
+
+
+def whole_body(scene: Scene, body: MovingBody) -> WholeBody:
+    """A scene's body on the natural modes of which its shapes are combinations."""
+    own = scene.bodies[body.gear]
+    return WholeBody(
+        flexible=own.of_modes,
+        into=own.into,
+        shape_waves=body.basis.waves,
+        damping=damping_of(scene.damping),
+        rotating=scene.model.gyroscopic,
+    )
 
 
 def _read(

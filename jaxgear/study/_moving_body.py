@@ -42,8 +42,6 @@ class MovingBody:
     - `natural`: natural modes of which these are combinations.
     - `teeth`: of the gear.
     - `gear_seat`: number of the seat against which waves are told.
-    - `residual`: motion of its coordinates per part of a residual shape, as of
-        `Combinations.residual_motions`, or `None`: it has none [kg^-1/2].
     - `heat_load`: on its coordinates per free strain of hub and rim, shape `[2, dof]`; no rows:
         it cannot warm [N, N m].
     """
@@ -54,7 +52,6 @@ class MovingBody:
     natural: BodyBasis
     teeth: int
     gear_seat: int = 0
-    residual: np.ndarray | None = None
     heat_load: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
@@ -62,11 +59,10 @@ class MovingBody:
         """0 for the pinion, 1 for the wheel."""
         return GEARS.index(self.gear)
 
-    @functools.cached_property
+    @property
     def motions(self) -> np.ndarray:
-        """Motion of its coordinates per coordinate of a `BodyMotion`, `[dof, coordinate]`."""
-        own = self.basis.motions
-        return own if self.residual is None else np.concatenate([own, self.residual], axis=1)
+        """Motion of its coordinates per coordinate of `WholeModes.motion`, `[dof, coordinate]`."""
+        return self.natural.motions
 
     @property
     def radius(self) -> float:
@@ -113,7 +109,7 @@ class MovingBody:
         return self.basis.left_out(held_answers(self.built.body, load.T), load.T).T
 
     def rows(self, chosen: np.ndarray) -> np.ndarray:
-        """Displacements per coordinate of a `BodyMotion`, of the nodes with these numbers.
+        """Displacements per coordinate of a motion, of the nodes with these numbers.
 
         Along x, y, z of the body, shape `[node, 3, coordinate]` [-, m, kg^-1/2]. Those of the rim
         are coordinates of the condensed body; all others follow by its grid, which is then
@@ -203,9 +199,7 @@ def moving_bodies(
         natural = basis if mesh_body.made_of is None else mesh_body.made_of
         heated, dofs = mesh_body.heated, mesh_body.built.body.dofs
         load = np.zeros((0, dofs)) if heated is None else heated.load
-        found[gear] = MovingBody(
-            gear, mesh_body.built, basis, natural, teeth, seat, mesh_body.residual, load
-        )
+        found[gear] = MovingBody(gear, mesh_body.built, basis, natural, teeth, seat, load)
     return found
 
 

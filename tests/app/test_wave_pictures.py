@@ -108,8 +108,8 @@ def motion(watch):
     return BodyMotion(amplitudes, np.r_[seat_waves(seats), basis.waves], TEETH, 1, -100.0, 0.3)
 
 
-def by_shapes(body, probe, motion):
-    """What a probe shows of a motion of seats and shapes."""
+def by_modes(body, probe, motion):
+    """What a probe shows of a motion of seats and natural modes."""
     return probe.spectrum(motion, probe.looking_at(probe.coordinates @ body.motions))
 
 
@@ -128,7 +128,7 @@ def found(scene, watch, motion):
     whole = {"wheel": motion}
     loads = made_loads(100.0)
     looked = watch.looked["wheel"]
-    shown = tuple(by_shapes(looked.body, probe, motion) for probe in looked.probes)
+    shown = tuple(by_modes(looked.body, probe, motion) for probe in looked.probes)
     seen = watch.look(loads.largest, whole, {"wheel": shown})
     half = seen._replace(waves={name: 0.5 * each for name, each in seen.waves.items()})
     watch = dataclasses.replace(
@@ -195,7 +195,7 @@ def test_a_gauge_reads_the_strain_of_the_grid(watch, motion):
     each = watch.looked["wheel"]
     body, gauge = each.body, each.gauges[0]
     # Along x, y, z, with the rigid part of the motion: it strains nothing.
-    whole = body.basis.motions @ motion.on_body(TEETH - 2)
+    whole = body.motions @ motion.on_body(TEETH - 2)
     field = body.field(np.stack([np.real(whole), np.imag(whole)], axis=1))
     grid, material = body._held.full.grid, body.built.plan.material
     radius, angle, height = gauge.places[0]
@@ -225,7 +225,7 @@ def test_a_gauge_on_the_web_moves_as_the_grid_does(watch, motion):
     own = along_directions(np.array([angle]), shape[None, node])[0, 2]
     seat = along_directions(np.array([angle]), body.with_seat(place[None]))[0, 2]
     own = own + seat @ motion.on_body(TEETH - 2)[body.seat]
-    assert by_shapes(body, probe, motion).near(TEETH - 2) == pytest.approx(own, rel=1e-9)
+    assert by_modes(body, probe, motion).near(TEETH - 2) == pytest.approx(own, rel=1e-9)
     # The rim's part of the whole grid is the rim.
     rim = np.flatnonzero(body._rim >= 0)
     moved = body.field(body.basis.shapes[:, :2])[:, rim]
@@ -286,7 +286,7 @@ def test_the_usual_probes_are_on_the_rim(watch, motion):
     body = watch.looked["wheel"].body
     found = _probes._usual(body)
     assert [probe.turns for probe in found] == [True, True, False, False]
-    axial = [np.abs(by_shapes(body, probe, motion).amplitude).max() / um for probe in found[::2]]
+    axial = [np.abs(by_modes(body, probe, motion).amplitude).max() / um for probe in found[::2]]
     # One wave passes both, but for what repeats with the sectors.
     assert axial[0] == pytest.approx(axial[1], rel=1e-3)
     rows = body.rows(np.array([0, 1]))

@@ -24,7 +24,7 @@ from jaxgear._response._whole_motion import (
     WholeModes,
     by_inertia,
     loads_on_seats,
-    whole_motion,
+    whole_modes,
 )
 from jaxgear._system._body_modes import BodyBasis, body_basis
 from jaxgear._system._body_tables import body_in_mesh, flexible_body
@@ -130,7 +130,7 @@ def _orbit(dynamics: jg.PairDynamics, speed: float) -> Orbit:
 def _read(case: _Case, dynamics: jg.PairDynamics, orbit: Orbit) -> np.ndarray:
     """What is read of the wheel at some orders."""
     turned = start_angle(PAIRS["helical"](), 1)
-    motion = whole_motion(case.body, dynamics, orbit, 1, case.force, 3, angle=turned)
+    motion = whole_modes(case.body, dynamics, orbit, 1, case.force, 3, angle=turned).beyond
     readings, _ = rest_readings(case.gauges, dynamics, orbit, case.force, TEETH[1])
     still = spectrum_of_steps(np.asarray(readings), _lengths(dynamics), TEETH[1])
     whole = joined_spectra(rotating_spectrum(motion, _rows() @ case.basis.motions), still)
@@ -215,7 +215,8 @@ def _shaped() -> tuple[jg.PairDynamics, np.ndarray, np.ndarray]:
     found = excited_shapes(basis, in_mesh, pair, 1, _grid(), 12)
     assert found is not None
     shaped = found.of_body(in_mesh, basis)
-    assert shaped.residual is not None
+    assert shaped.flexible.modes is not None
+    assert shaped.flexible.modes.residual is not None
     assert_close(shaped.into, found.into[: len(shaped.made_of.square)], rtol=0.0, atol=0.0)
     assert np.all(found.into[len(shaped.made_of.square) :] == 0.0)
     return _dynamics(shaped.flexible), found.into, found.waves
@@ -308,7 +309,8 @@ def test_modes_beside_the_shapes_move_as_those_of_the_structure_do(rotating):
     orbit = _orbit(dynamics, speed)
     orbit = dataclasses.replace(orbit, motion=jnp.asarray(_in_time(dynamics, motion)))
     turned = start_angle(PAIRS["helical"](), 1)
-    found = whole_motion(body, dynamics, orbit, 1, many.force, 3, angle=turned).amplitudes[:, 6:]
+    found = whole_modes(body, dynamics, orbit, 1, many.force, 3, angle=turned)
+    found = found.modes - found.at_rest
 
     whole = _dynamics(flexible, damping, rotating=rotating)
     load = mode_loads(PAIRS["helical"](), 1, flexible, whole.cycle.cells.lines, many.force)
@@ -354,9 +356,9 @@ def test_modes_load_the_seats_as_those_of_the_structure_do(rotating):
     wanted = np.stack([_dynamic_stiffness(dynamics, speed, h)[seat] @ motion[h] for h in range(3)])
     found = by_inertia(dynamics, orbit, seat, modes, frequency)
     assert_close(found, wanted, rtol=1e-9, atol=1e-9 * np.abs(wanted).max())
-    moved = body_motion(dynamics, orbit, 1)
-    seats = np.zeros((3, len(seat)), dtype=complex)
-    whole = WholeModes(moved, seats, motion[:, modes], 0.0 * motion[:, modes], frequency)
+    moved = body_motion(dynamics, orbit, 1, 2)
+    assert moved.amplitudes.shape[1] == len(seat) + len(modes)
+    whole = WholeModes(moved, np.zeros((3, len(modes))), frequency)
     assert_close(loads_on_seats(body, whole), wanted, rtol=1e-9, atol=1e-9 * np.abs(wanted).max())
 
 

@@ -18,7 +18,6 @@ import jaxgear as jg
 from fem_prep import ReducedBody
 from jaxgear._dynamics._bodies import VibratingBody, turning_terms
 from jaxgear._geometry._lines import contact_lines
-from jaxgear._response._body_motion import BodyMotion, _by_parts, rotating_spectrum
 from jaxgear._system._body_in_mesh import BodyInMesh
 from jaxgear._system._body_modes import BodyBasis, BodyModes, body_basis
 from jaxgear._system._body_tables import body_in_mesh, flexible_body
@@ -269,22 +268,6 @@ def test_a_turning_body_with_residual_shapes_is_all_its_modes_projected(name, wh
         assert_near(getattr(alone, field), wanted, 1e-8)
     count = len(residual.square)
     assert np.all(np.asarray(alone.circulatory)[-count:] == 0.0)
-
-
-@every_body
-def test_a_turning_body_shows_its_residual_shapes_as_the_modes_that_they_are_made_of(name):
-    flexible, combined, found, residual, _ = _combined(name)
-    basis, seats = _case(name)[3], _modes(flexible).seat_dofs
-    shapes = found.of_basis(basis)
-    own = VibratingBody(1, combined, _modes(combined), np.arange(seats), seats, -0.4)
-    random = np.random.default_rng(5)
-    moved = random.standard_normal(_modes(combined).size)
-    motion = BodyMotion(*_by_parts(own.place, moved[None].astype(complex)), 12, 1, -40.0, 0.7)
-    seen = np.concatenate([shapes.motions, found.residual_motions(basis)], axis=1)
-    # In space the modes move by what is in the shapes; the body has turned beneath them.
-    modes = found.into @ moved[seats:-12] + residual.into @ moved[-12:]
-    turned = scipy.linalg.expm(-0.7 * basis.turning) @ np.r_[moved[:seats], modes]
-    assert_near(rotating_spectrum(motion, seen).at(np.zeros(1))[0], basis.motions @ turned, 1e-9)
 
 
 def test_another_material_of_a_body_with_residual_shapes():
