@@ -1,16 +1,20 @@
 """How many shapes a condensed body needs in motion: few speeds, all coordinates beside fewer.
 
     python benchmarks/bench_shapes.py SCENE KIND:COUNT[:MESH] ... [--speeds V ...] [--relief UM ...]
+    python benchmarks/bench_shapes.py SCENE scene --estimate [--speeds V ...] [--relief UM ...]
     python benchmarks/bench_shapes.py --table [--chart docs/pictures/shapes.png]
 
-Each model of an example scene, as `natural:100` or `excited:200` (0: all coordinates of the body),
-with the scene's own number of mesh coordinates or `MESH` of them, is brought to its steady response
-at each speed by harmonic balance. Its largest mesh force, RMS of transmission error, largest
-bearing force and, with `--probes`, RMS of what two nodes of the wheel do along the axis, at the end
-of its rim and in the middle of its web, between two holes, go to `shapes.json`, with processor
-seconds; the table compares all with the model of most coordinates at the same speed and relief. All
-coordinates of the accessory wheel (2,895) take minutes of a processor to be set up and half a one
-for each speed. A wheel with holes repeats after many mesh periods: take few harmonics, by `--set`.
+Each model of an example scene, as `natural:100` or `excited:200` (0: all coordinates of the body)
+with the scene's own number of mesh coordinates or `MESH` of them, or as `scene`, with all as the
+scene has it, is brought to its steady response at each speed by harmonic balance. Its largest mesh
+force, RMS of transmission error, largest bearing force and, with `--probes`, RMS of what two nodes
+of the wheel do along the axis, at the end of its rim and in the middle of its web, between two
+holes, and of the waves of two and of six and more nodal diameters around its rim, go to
+`shapes.json`, with processor seconds. With `--estimate` what a sweep would say of the errors is
+there too [%], by the modes of which the shapes are made (theory 11.9). The table compares all with
+the model of most coordinates at the same speed and relief. All coordinates of the accessory wheel
+(2,895) take minutes of a processor to be set up and half a one for each speed. A wheel with holes
+repeats after many mesh periods: take few harmonics, by `--set`.
 """
 
 import argparse
@@ -19,6 +23,7 @@ import math
 import statistics
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -31,6 +36,8 @@ NUMBERS = {
     "bearing": "bearing force",
     "rim_um": "rim axial",
     "web_um": "web axial",
+    "waves_um": "waves",
+    "short_waves_um": "short waves",
 }
 
 
@@ -43,6 +50,7 @@ def main() -> None:
     parser.add_argument("--relief", type=float, nargs="+", default=[0.0, 10.0])
     parser.add_argument("--set", nargs="+", default=[], metavar="KEY=VALUE", help="of the scene")
     parser.add_argument("--probes", action="store_true", help="on rim and web of the wheel")
+    parser.add_argument("--estimate", action="store_true", help="errors, without a reference")
     parser.add_argument("--table", action="store_true")
     parser.add_argument("--chart", type=Path, help="error against processor time, as a picture")
     parser.add_argument("--file", type=Path, default=Path(__file__).with_name("shapes.json"))
@@ -75,7 +83,8 @@ def measured(model: str, options: argparse.Namespace):
 
     name = options.scene
     names = "shapes", "coordinates", "mesh_coordinates"
-    told = [f"model.{x}={y}" for x, y in zip(names, model.split(":"), strict=False)]
+    given = [] if model == "scene" else model.split(":")
+    told = [f"model.{x}={y}" for x, y in zip(names, given, strict=False)]
     scene = jg.example_scene(name, [*told, *options.set, "sweep.pinion_speed_rad_s=[1.0]"])
     scene, seconds = on_processor(lambda: jg.with_bodies(scene, moving=True))
     print(f"{name} {model}: bodies {seconds:.1f} s, {peak():.0f} MB", file=sys.stderr, flush=True)
@@ -91,6 +100,7 @@ def measured(model: str, options: argparse.Namespace):
             lambda pair=pair: harmonic_balance_problem(method, pair.system)
         )
         looked = looked_at(built, pair) if options.probes else None
+        about = estimator(built, pair, method) if options.estimate else None
         size = pair.system.mass.shape[0]
         told = f"{building:.1f} s, {preparing:.1f} s, {peak():.0f} MB"
         print(f"  {relief:g} um: {size} degrees of freedom, {told}", file=sys.stderr, flush=True)
@@ -111,6 +121,8 @@ def measured(model: str, options: argparse.Namespace):
             }
             if looked is not None:
                 row |= shown(looked, pair, orbit, scene.sweep.orders)
+            if about is not None:
+                row |= about(speed, orbit)
             print(f"    {speed:g} rad/s: {row}", file=sys.stderr, flush=True)
             yield {f"{name} {model} {relief:g} {speed:g}": row}
 
@@ -133,14 +145,48 @@ def looked_at(built, pair) -> Any:
 
 
 def shown(looked, pair, orbit, orders: int) -> dict[str, float]:
-    """RMS of what such probes do above half the order of the teeth [um]."""
+    """RMS of such probes, and of waves of the rim, above half the order of the teeth [um]."""
+    import numpy as np
+
     import jaxgear as jg
     from jaxgear._response._waves import order_sums
 
-    spectra = looked.probe_spectra(pair, orbit, jg.ExactContact(), orders)
+    moved = looked.moved(pair, orbit, jg.ExactContact(), orders)
+    spectra = looked.probe_spectra(pair, orbit, moved, orders)
     span = [looked.low, (orders + 0.5) * looked.body.teeth]
     named = zip(looked.probes, spectra, strict=True)
-    return {probe.name: 1e6 * float(order_sums(each, span)[0]) for probe, each in named}
+    found = {probe.name: 1e6 * float(order_sums(each, span)[0]) for probe, each in named}
+    waves = looked.waves(moved.modes.motion).by_diameter(looked.most, looked.low)
+    number = np.abs(np.arange(-looked.most, looked.most + 1))
+    for name, least in (("waves_um", 2), ("short_waves_um", 6)):
+        found[name] = 1e6 * float(np.linalg.norm(waves[number >= least]))
+    return found
+
+
+def estimator(built, pair, method) -> Callable[[float, Any], dict[str, float]]:
+    """What tells of a response at a speed about how far off its numbers are [%]."""
+    import dataclasses
+
+    from jaxgear._dynamics._table import ready_to_bear
+    from jaxgear.study._body_waves import wave_watch
+    from jaxgear.study._shape_check import Again, judging_bodies
+
+    wholes = judging_bodies(built.scene, wave_watch(built, pair))
+    if wholes is None:
+        sys.exit("No more natural modes were found than the bodies move on.")
+    table = ready_to_bear(pair.system.table)
+    system = dataclasses.replace(pair.system, table=table)
+    again = Again(
+        method, dataclasses.replace(pair, system=system), wholes, built.scene.sweep.orders
+    )
+
+    def about(speed: float, orbit: Any) -> dict[str, float]:
+        own = again.read(again.pair, orbit)
+        better = again.better(speed, own[0])
+        named = zip(("about_force", "about_te_rms"), own, better, strict=True)
+        return {name: 100.0 * (few / many - 1.0) for name, few, many in named}
+
+    return about
 
 
 def on_processor(work) -> tuple[Any, float]:

@@ -21,8 +21,7 @@ from jaxgear._response._dynamic import forces_in_motion
 from jaxgear._response._spectrum import Spectrum
 from jaxgear._response._waves import Circle, joined_circles, joined_waves, waves_on_body
 from jaxgear._response._whole_motion import WholeBody, whole_modes
-from jaxgear.study._body_waves import whole_body
-from jaxgear.study._moving_body import MovingBody, moving_bodies
+from jaxgear.study._moving_body import MovingBody, moving_bodies, whole_body
 from jaxgear.study._probes import Probe, probe_at
 
 from .motion import (

@@ -175,6 +175,7 @@ def moving_gauge_readings(
     orbit: Orbit,
     law: AbstractContactLaw,
     strain: Reals | None = None,
+    beyond: Reals | None = None,
 ) -> tuple[Array, Array]:
     """What gauges that turn with a body read over a revolution in a steady response.
 
@@ -188,6 +189,9 @@ def moving_gauge_readings(
     - `orbit`: its response; over more cycles than divide a revolution, of its first part.
     - `law`: with which it was found.
     - `strain`: as of `gauge_readings`.
+    - `beyond`: motion of its seats, and of the gauges' modes beyond what they do at rest, in space
+        at each step, `[step, coordinate]`, or `None`: these modes are those of the pair
+        [m, rad, m kg^1/2].
 
     **Returns:**
 
@@ -196,10 +200,12 @@ def moving_gauge_readings(
     lines = dynamics.cycle.cells.lines
     (body,) = (each for each in dynamics.bodies if each.index == gauges.index)
     force = forces_in_motion(dynamics, orbit, law)
-    whole = jnp.zeros((len(orbit.motion), max(dynamics.dofs) + 1))
-    whole = whole.at[:, np.asarray(dynamics.dofs)].set(beyond_rest(dynamics, orbit).motion)
-    modes = whole[:, body.mode_dofs]
-    borne = _Borne(force, whole[:, np.asarray(body.seats)], modes)
+    if beyond is None:
+        whole = jnp.zeros((len(orbit.motion), max(dynamics.dofs) + 1))
+        whole = whole.at[:, np.asarray(dynamics.dofs)].set(beyond_rest(dynamics, orbit).motion)
+        beyond = whole[:, np.r_[list(body.seats), body.mode_dofs]]
+    seats = len(body.seats)
+    borne = _Borne(force, beyond[:, :seats], beyond[:, seats:])
     return _over_revolution(gauges, dynamics.cycle.system.pair, lines, borne, orbit.speed, strain)
 
 

@@ -22,7 +22,7 @@ from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._response._body_motion import beyond_rest, driven_by_mesh, start_angle
 from jaxgear._response._dynamic import forces_in_motion
-from jaxgear._response._spectrum import fitted_harmonics
+from jaxgear._response._spectrum import fitted_harmonics, values_in_steps
 from jaxgear._response._whole_motion import WholeBody, by_inertia, loads_on_seats, whole_modes
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._foot_tables import mode_loads
@@ -68,13 +68,13 @@ def left_out(
     system, gears = dynamics.system, dynamics.cycle.system.pair
     table, lines, dofs = system.table, dynamics.cycle.cells.lines, np.asarray(dynamics.dofs)
     most = harmonics * table.periods + 1
-    phase = np.asarray(table.middles) / table.periods
-    steps = np.exp(2j * np.pi * np.multiply.outer(phase, np.arange(most)))
-    at_steps = lambda amplitudes: np.real(steps[:, : len(amplitudes)] @ amplitudes)
+    at_steps = lambda amplitudes: values_in_steps(
+        amplitudes[:most], table.period_lengths, table.periods
+    )
     shapes = [np.r_[place.mode_dofs, place.residual_dofs] for place in dynamics.bodies]
     own = np.flatnonzero(np.isin(dofs, np.concatenate(shapes)))
     few = np.asarray(beyond_rest(dynamics, orbit).motion)[:, own]
-    met = at_steps(fitted_harmonics(few, table.period_lengths, None)[:most])
+    met = at_steps(fitted_harmonics(few, table.period_lengths, None))
     met = met @ np.asarray(system.vectors)[own]
     closer = -np.einsum("pcn,pn->pc", np.asarray(table.middle_arms), met)
     load = np.zeros((most, len(dofs)), dtype=complex)

@@ -149,6 +149,17 @@ def fitted_harmonics(values: np.ndarray, lengths: np.ndarray, most: int | None) 
     return found
 
 
+def values_in_steps(amplitudes: np.ndarray, lengths: np.ndarray, periods: int) -> np.ndarray:
+    """Values in the middles of steps, `[harmonic, c]` to `[step, c]`: `fitted_harmonics` undone.
+
+    Of so many mesh periods, after which they repeat; steps are as there.
+    """
+    middles = np.cumsum(lengths) - 0.5 * lengths
+    phase = (np.arange(periods)[:, None] + middles).ravel() / periods
+    turned = np.exp(2j * np.pi * np.multiply.outer(phase, np.arange(len(amplitudes))))
+    return np.real(turned @ amplitudes)
+
+
 # A sweep asks for those of its few grids at each speed.
 @functools.lru_cache(maxsize=16)
 def _fit(lengths: bytes, first: int, end: int) -> np.ndarray:

@@ -24,8 +24,16 @@ from jaxgear._dynamics._damping import AbstractDamping
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._dynamics._types import StepCells
-from jaxgear._response._body_motion import BodyMotion, body_motion, phases_of_waves
-from jaxgear._response._spectrum import fitted_harmonics
+from jaxgear._interface._laws import AbstractContactLaw
+from jaxgear._response._body_motion import (
+    BodyMotion,
+    body_motion,
+    driven_by_mesh,
+    phases_of_waves,
+    start_angle,
+)
+from jaxgear._response._dynamic import forces_in_motion
+from jaxgear._response._spectrum import fitted_harmonics, values_in_steps
 from jaxgear._system._body_modes import BodyModes, seat_waves
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._foot_tables import mode_loads
@@ -241,6 +249,28 @@ def whole_modes(
     amplitudes = np.concatenate([moved[:, :seats], modes], axis=1)
     motion = dataclasses.replace(motion, amplitudes=amplitudes, waves=whole.waves)
     return WholeModes(motion, pressed / np.asarray(whole.modes.square), frequency)
+
+
+def beyond_in_steps(
+    whole: WholeBody, dynamics: PairDynamics, orbit: Orbit, law: AbstractContactLaw, index: int
+) -> np.ndarray:
+    """Seats, and natural modes beyond what all loads give them at rest, in time.
+
+    **Arguments:**
+
+    - `whole`, `dynamics`, `orbit`, `index`: as of `whole_modes`.
+    - `law`: with which the response was found.
+
+    **Returns:**
+
+    In the middles of its steps, in space, shape `[step, coordinate]` [m, rad, m kg^1/2].
+    """
+    angle = start_angle(dynamics.cycle.system.pair, index)
+    force, driven = forces_in_motion(dynamics, orbit, law), driven_by_mesh(dynamics, orbit)
+    every = len(orbit.motion)
+    found = whole_modes(whole, dynamics, driven, index, force, every, angle=angle).beyond
+    lengths = dynamics.system.table.period_lengths
+    return values_in_steps(found.amplitudes, lengths, found.periods)
 
 
 def loads_on_seats(whole: WholeBody, found: WholeModes) -> np.ndarray:

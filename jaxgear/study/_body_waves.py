@@ -31,11 +31,9 @@ from jaxgear._response._waves import (
 from jaxgear._response._whole_motion import WholeBody, WholeModes, whole_modes
 from jaxgear._system._held_body import held_answers
 from jaxgear.scene._build_pair import pair_of
-from jaxgear.scene._scene import Scene
 from jaxgear.study._built import BuiltScene
-from jaxgear.study._dynamics import damping_of
 from jaxgear.study._gauges import Gauge, gauges_of
-from jaxgear.study._moving_body import MovingBody, moving_bodies
+from jaxgear.study._moving_body import MovingBody, moving_bodies, whole_body
 from jaxgear.study._probes import Probe, probes_of
 
 # Waves of more nodal diameters are not told one by one.
@@ -316,18 +314,6 @@ def wave_watch(built: BuiltScene, pair: PairDynamics) -> WaveWatch:
             read=functools.partial(_read, built, body),
         )
     return WaveWatch(pair, looked, max(1, scene.sweep.orders), built.law)
-
-
-def whole_body(scene: Scene, body: MovingBody) -> WholeBody:
-    """A scene's body on the natural modes of which its shapes are combinations."""
-    own = scene.bodies[body.gear]
-    return WholeBody(
-        flexible=own.of_modes,
-        into=own.into,
-        shape_waves=body.basis.waves,
-        damping=damping_of(scene.damping),
-        rotating=scene.model.gyroscopic,
-    )
 
 
 def _read(

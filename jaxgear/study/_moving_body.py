@@ -13,16 +13,18 @@ import fem_prep
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._interface._laws import AbstractContactLaw
-from jaxgear._response._body_motion import beyond_rest
 from jaxgear._response._dynamic import forces_in_motion
 from jaxgear._response._waves import BodyMotion, Circle, circle_of
+from jaxgear._response._whole_motion import WholeBody, beyond_in_steps
 from jaxgear._solve._cycle import MeshCycle
 from jaxgear._system._body_modes import BodyBasis
 from jaxgear._system._held_body import held_answers
 from jaxgear.scene._body_build import BuiltBody, Steps, full_of
 from jaxgear.scene._body_words import in_keys
 from jaxgear.scene._gear_tables import GearKeys
+from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
+from jaxgear.study._dynamics import damping_of
 from jaxgear.study._hybrid import Moving, radius_of
 from jaxgear.study._progress import say
 
@@ -206,13 +208,25 @@ def moving_bodies(
 # --- In a response
 
 
-def moving_in(pair: PairDynamics, orbit: Orbit, body: MovingBody) -> Moving:
-    """Seats, and modes beyond rest, of a body in a steady response, step by step."""
-    place = next(each for each in pair.bodies if each.index == body.index)
-    motion = np.asarray(beyond_rest(pair, orbit).motion)
-    whole = np.zeros((len(motion), max(pair.dofs) + 1))
-    whole[:, list(pair.dofs)] = motion
-    return Moving(whole[:, list(place.seats)], whole[:, place.mode_dofs], body.basis)
+def whole_body(scene: Scene, body: MovingBody) -> WholeBody:
+    """A scene's body on the natural modes of which its shapes are combinations."""
+    own = scene.bodies[body.gear]
+    return WholeBody(
+        flexible=own.of_modes,
+        into=own.into,
+        shape_waves=body.basis.waves,
+        damping=damping_of(scene.damping),
+        rotating=scene.model.gyroscopic,
+    )
+
+
+def moving_in(
+    scene: Scene, pair: PairDynamics, orbit: Orbit, law: AbstractContactLaw, body: MovingBody
+) -> Moving:
+    """Seats, and natural modes beyond rest, of a body in a steady response, step by step."""
+    found = beyond_in_steps(whole_body(scene, body), pair, orbit, law, body.index)
+    seats = body.natural.following.shape[1]
+    return Moving(found[:, :seats], found[:, seats:], body.natural)
 
 
 def cycle_in_motion(pair: PairDynamics, orbit: Orbit, law: AbstractContactLaw) -> MeshCycle:

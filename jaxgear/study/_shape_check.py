@@ -15,14 +15,16 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
+from jaxgear._contact._root_influence import Influences
 from jaxgear._dynamics._harmonic import HarmonicBalance, harmonic_balance_problem
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._dynamics._table import ready_to_bear
 from jaxgear._response._left_out import left_out
-from jaxgear._response._measured import Measured, measured
+from jaxgear._response._measured import measured
 from jaxgear._response._whole_motion import WholeBody
 from jaxgear.scene._build import law_of
+from jaxgear.scene._scene import Scene
 from jaxgear.study._body_waves import WaveWatch
 from jaxgear.study._built import BuiltScene
 from jaxgear.study._dynamics import Dynamics, settings_of, size_of
@@ -102,24 +104,20 @@ def shape_check(
     The errors; or `None` where no shapes are left out, where the sweep does not go by harmonic
     balance, or where nothing has settled.
     """
-    scene, pair, wholes, more = built.scene, dynamics.pair, {}, False
+    scene, pair = built.scene, dynamics.pair
     method = settings_of(law_of(scene.mesh), scene.sweep, size_of(pair)).method
     chosen = _some(found)
     if not (chosen.size and isinstance(method, HarmonicBalance)):
         return None
-    for gear, looked in watch.looked.items():
-        whole, richer = looked.whole, scene.bodies[gear].more_modes
-        if richer is not None:
-            more, (flexible, into) = True, richer
-            whole = dataclasses.replace(whole, flexible=flexible, into=into)
-        wholes[looked.body.index] = whole
-    if not more:
+    wholes = judging_bodies(scene, watch)
+    if wholes is None:
         return None
     ready = ready_to_bear(pair.system.table)
-    moving = eqx.tree_at(lambda each: each.pair.system.table, dynamics, ready)
-    again = _Again(method, moving, wholes, scene.sweep.orders)
+    moving = eqx.tree_at(lambda each: each.system.table, pair, ready)
+    again = Again(method, moving, wholes, scene.sweep.orders, dynamics.statics.influences)
     own = [found.responses[found.main][place].numbers for place in chosen]
-    better = [again.better(found.speeds[place], n) for place, n in zip(chosen, own, strict=True)]
+    ratios = [float(one.dynamic_ratio) for one in own]
+    better = [again.better(*each) for each in zip(found.speeds[chosen], ratios, strict=True)]
     ratio, te_rms = np.array(better).T
     # Nobody needs a part of nothing.
     least = FLOOR * float(np.mean(np.asarray(pair.cycle.approach)))
@@ -128,36 +126,50 @@ def shape_check(
         speeds=found.speeds[chosen],
         modes=sum(len(whole.modes.waves) for whole in wholes.values()),
         shapes=sum(len(place.waves) for place in pair.bodies),
-        force=np.array([float(one.dynamic_ratio) for one in own]) / ratio - 1.0,
+        force=np.array(ratios) / ratio - 1.0,
         te_rms=off / np.maximum(te_rms, least),
     )
 
 
-class _Again(NamedTuple):
-    """Finds responses of a sweep again, by its own programs.
+def judging_bodies(scene: Scene, watch: WaveWatch) -> dict[int, WholeBody] | None:
+    """Bodies on more natural modes than they have motions, by index; `None`: there are no more."""
+    wholes, more = {}, False
+    for gear, looked in watch.looked.items():
+        whole, richer = looked.whole, scene.bodies[gear].more_modes
+        if richer is not None:
+            more, (flexible, into) = True, richer
+            whole = dataclasses.replace(whole, flexible=flexible, into=into)
+        wholes[looked.body.index] = whole
+    return wholes if more else None
+
+
+class Again(NamedTuple):
+    """Finds responses of a sweep again, by its own programs, with what shapes leave out.
 
     **Fields:**
 
     - `method`: of the sweep.
-    - `dynamics`: the pair in motion, made `ready_to_bear`.
-    - `wholes`: its bodies on many modes.
+    - `pair`: in motion, made `ready_to_bear`.
+    - `wholes`: its bodies on many modes, by index.
     - `orders`: of the mesh that the sweep measures.
+    - `influences`: of loads on the roots, where the sweep measures their stresses.
     """
 
     method: HarmonicBalance
-    dynamics: Dynamics
+    pair: PairDynamics
     wholes: Mapping[int, WholeBody]
     orders: int
+    influences: Influences | None = None
 
-    def better(self, speed: float, own: Measured) -> tuple[float, float]:
+    def better(self, speed: float, ratio: float) -> tuple[float, float]:
         """Dynamic ratio and RMS of transmission error [m] with what shapes leave out.
 
-        NaN where a response is not found again.
+        NaN where a response of that speed [rad/s] and dynamic ratio is not found again.
         """
-        pair, at, lost = self.dynamics.pair, jnp.asarray(float(speed)), (np.nan, np.nan)
+        pair, at, lost = self.pair, jnp.asarray(float(speed)), (np.nan, np.nan)
         balance = harmonic_balance_problem(self.method, pair.system)
         orbit, terms = self.method.solve(balance, at, balance.rest)
-        if not orbit.settled or not alike(own.dynamic_ratio, self._read(pair, orbit)[0]):
+        if not orbit.settled or not alike(ratio, self.read(pair, orbit)[0]):
             return lost
         left = left_out(self.wholes, pair, orbit, self.method.law, self.method.harmonics)
         table = pair.system.table
@@ -166,12 +178,11 @@ class _Again(NamedTuple):
         balance = harmonic_balance_problem(self.method, pair.system)
         balance = dataclasses.replace(balance, beside=jnp.asarray(left.load))
         orbit, _ = self.method.solve(balance, at, terms)
-        return self._read(pair, orbit) if orbit.settled else lost
+        return self.read(pair, orbit) if orbit.settled else lost
 
-    def _read(self, pair: PairDynamics, orbit: Orbit) -> tuple[float, float]:
+    def read(self, pair: PairDynamics, orbit: Orbit) -> tuple[float, float]:
         """Dynamic ratio, and RMS of transmission error [m]."""
-        law, influences = self.method.law, self.dynamics.statics.influences
-        numbers = measured(pair, orbit, law, self.orders, influences)
+        numbers = measured(pair, orbit, self.method.law, self.orders, self.influences)
         return float(numbers.dynamic_ratio), float(numbers.te_rms)
 
 

@@ -116,7 +116,7 @@ def moving_stress_maps(
             cycle,
             points=scene.mesh.root_points,
             axial=scene.mesh.connection,
-            moving=moving_in(pair, orbit, body),
+            moving=moving_in(scene, pair, orbit, built.law, body),
         )
         say = lambda step, gear=gear: tell(f"{gear}: {step}")
         words = f"pinion at {float(orbit.speed):.5g} rad/s, "

@@ -13,12 +13,13 @@ from jaxgear._dynamics._sweep_types import Direction, SweepPoint, Ways
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._response._gauges import GaugeInfluences, moving_gauge_readings
+from jaxgear._response._whole_motion import WholeBody, beyond_in_steps
 from jaxgear._types import Reals
 from jaxgear._units import MPa
 from jaxgear.scene._body_heat import free_strains
 from jaxgear.study._built import BuiltScene
 from jaxgear.study._gauges import MICRO, Gauge, gauge_places, gauges_of, influences_of
-from jaxgear.study._moving_body import moving_bodies
+from jaxgear.study._moving_body import moving_bodies, whole_body
 from jaxgear.study._result import Summary
 from jaxgear.study._results import Entry, dataset_of
 from jaxgear.study._sweeping import Sweep
@@ -43,11 +44,13 @@ class GearGauges(NamedTuple):
     - `gauges`: of the scene.
     - `influences`: of all their nodes, with the modes of the body.
     - `strain`: free strains of hub and rim by heat [-].
+    - `whole`: the body on these modes.
     """
 
     gauges: tuple[Gauge, ...]
     influences: GaugeInfluences
     strain: Reals
+    whole: WholeBody
 
 
 @dataclasses.dataclass
@@ -91,7 +94,8 @@ def _numbers(
     own: GearGauges, pair: PairDynamics, orbit: Orbit, law: AbstractContactLaw
 ) -> np.ndarray:
     """What `_TOLD` names of each gauge, `[gauge, number]`."""
-    found, turn = moving_gauge_readings(own.influences, pair, orbit, law, own.strain)
+    beyond = jnp.asarray(beyond_in_steps(own.whole, pair, orbit, law, own.influences.index))
+    found, turn = moving_gauge_readings(own.influences, pair, orbit, law, own.strain, beyond)
     of_nodes, turn = np.asarray(found).reshape(len(turn), -1, 2), np.asarray(turn)
     ends = np.cumsum([len(each.places) for each in own.gauges])[:-1]
     parts = zip(own.gauges, np.split(of_nodes, ends, axis=1), strict=True)
@@ -118,13 +122,13 @@ def stress_watch(built: BuiltScene, pair: PairDynamics) -> StressWatch:
         if not gauges:
             continue
         influences = influences_of(
-            scene.mesh, body, gauges, built.model.pair, built.grid_in_motion, moving.basis
+            scene.mesh, body, gauges, built.model.pair, built.grid_in_motion, moving.natural
         )
         if not scene.sweep.centrifugal:
             still = jnp.zeros_like(influences.rotation)
             influences = dataclasses.replace(influences, rotation=still)
         strain = free_strains(scene.gear(gear).body.temperature)
-        found[gear] = GearGauges(gauges, influences, strain)
+        found[gear] = GearGauges(gauges, influences, strain, whole_body(scene, moving))
     return StressWatch(pair, built.law, found)
 
 

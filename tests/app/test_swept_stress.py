@@ -10,6 +10,7 @@ from tiny_cases import tiny_scene
 
 from jaxgear import plot
 from jaxgear._response._gauges import moving_gauge_readings
+from jaxgear._response._whole_motion import beyond_in_steps
 from jaxgear._units import MPa
 from jaxgear._whole_file import write_csv
 from jaxgear.scene._scene import read_scene
@@ -96,9 +97,13 @@ def test_gauges_and_the_map_of_a_response_say_the_same(swept):
     found = moving_stress_maps(built, dynamics.pair, orbit)["wheel"]
     watch = stress_watch(built, dynamics.pair)
     own = watch.gauges["wheel"]
-    readings, turn = moving_gauge_readings(
-        own.influences, dynamics.pair, orbit, built.law, own.strain
+    beyond = lambda orbit: jnp.asarray(
+        beyond_in_steps(own.whole, dynamics.pair, orbit, built.law, 1)
     )
+    read = lambda orbit: moving_gauge_readings(
+        own.influences, dynamics.pair, orbit, built.law, own.strain, beyond(orbit)
+    )
+    readings, turn = read(orbit)
     gauge = own.gauges[0]
     radius, angle, height = gauge.places[0]
     place = np.array([radius * np.cos(angle), radius * np.sin(angle), height])
@@ -113,7 +118,7 @@ def test_gauges_and_the_map_of_a_response_say_the_same(swept):
         orbit,
         **{name: jnp.tile(getattr(orbit, name), (2, 1)) for name in ("place", "load", "motion")},
     )
-    again, _ = moving_gauge_readings(own.influences, dynamics.pair, twice, built.law, own.strain)
+    again, _ = read(twice)
     np.testing.assert_allclose(again, readings, rtol=1e-9, atol=1e-9 * np.abs(readings).max())
     longer = moving_stress_maps(built, dynamics.pair, twice)["wheel"]
     size = found.range.principal.max()
