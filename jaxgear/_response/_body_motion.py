@@ -10,6 +10,7 @@ import numpy as np
 import scipy.sparse
 
 from jaxgear._checks import require
+from jaxgear._compiled import compiled
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._geometry._pair import GearPair
@@ -206,6 +207,7 @@ def body_motion(
     )
 
 
+@compiled
 def beyond_rest(dynamics: PairDynamics, orbit: Orbit) -> Orbit:
     r"""A response whose modes and residual shapes do only what they do not do at rest.
 
@@ -227,6 +229,7 @@ def beyond_rest(dynamics: PairDynamics, orbit: Orbit) -> Orbit:
     return _without(dynamics, orbit, load)
 
 
+@compiled
 def driven_by_mesh(dynamics: PairDynamics, orbit: Orbit) -> Orbit:
     """A response without what rotation and heat do to modes and residual shapes at rest.
 
