@@ -86,6 +86,14 @@ class BuiltBody:
     peak_memory: float | None
     warnings: tuple[str, ...] = ()
 
+    def held(self, tell: Callable[[str], None] = lambda step: None) -> FixedInterface:
+        """With its rim and its seats held, its stiffness factorised: once, and steps are told."""
+        known, steps = vars(self), Steps(tell)
+        if "_held" not in known:
+            known["_held"] = fixed_interface(full_of(self.plan, steps), progress=steps)
+        found: FixedInterface = known["_held"]
+        return found
+
     @property
     def health(self) -> Mapping[str, Any]:
         """What the body is and how far it is from the full one, a unit in every name."""
@@ -315,12 +323,6 @@ def full_of(plan: BodyPlan, steps: Steps) -> FullBody:
         for seat, label in zip(plan.seats, seats, strict=True)
     ]
     return full_body(plan.name, grid, plan.material, held, teeth=plan.teeth, progress=steps)
-
-
-def held_of(plan: BodyPlan, tell: Callable[[str], None] = lambda step: None) -> FixedInterface:
-    """A body with its rim and its seats held, its stiffness factorised."""
-    steps = Steps(tell)
-    return fixed_interface(full_of(plan, steps), progress=steps)
 
 
 def _grid(plan: BodyPlan) -> Grid:

@@ -11,7 +11,7 @@ import numpy as np
 
 from fem_prep import StressRows, stress_rows
 from jaxgear._checks import require
-from jaxgear.scene._body_build import BuiltBody, held_of
+from jaxgear.scene._body_build import BuiltBody
 from jaxgear.scene._body_view import keep_beside, view_folder
 from jaxgear.scene._body_words import in_keys
 
@@ -34,7 +34,7 @@ def stress_at(built: BuiltBody, nodes: np.ndarray) -> StressRows:
     found = _read(name, len(nodes), built.body.dofs)
     if found is None:
         with in_keys(built.plan.gear):
-            found = stress_rows(held_of(built.plan), built.body, nodes)
+            found = stress_rows(built.held(), built.body, nodes)
         keep_beside(built.key, name, dataclasses.asdict(found))
     return found
 

@@ -13,7 +13,7 @@ from fem_prep import HeatedBody, heated_body
 from jaxgear._checks import require
 from jaxgear._units import mm
 from jaxgear.scene._bodies import Drawn
-from jaxgear.scene._body_build import BuiltBody, held_of
+from jaxgear.scene._body_build import BuiltBody
 from jaxgear.scene._body_tables import TemperatureKeys
 from jaxgear.scene._body_view import keep_beside, view_folder
 from jaxgear.scene._body_words import in_keys
@@ -52,7 +52,7 @@ def heat_of(
     if found is None:
         tell("heat of hub and rim")
         with in_keys(built.plan.gear):
-            found = heated_body(held_of(built.plan, tell), built.body, radius)
+            found = heated_body(built.held(tell), built.body, radius)
         keep_beside(built.key, name, dataclasses.asdict(found))
     return found
 

@@ -6,10 +6,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from fem_prep import Grid, ReducedBody, fixed_interface, rim_rows, surface_mass
+from fem_prep import Grid, ReducedBody, rim_rows, surface_mass
 from jaxgear._solve._cycle import MeshCycle
 from jaxgear._units import um
-from jaxgear.scene._body_build import BuiltBody, Steps, full_of
+from jaxgear.scene._body_build import BuiltBody
 from jaxgear.scene._body_words import in_keys
 from jaxgear.scene._mesh_bodies import MeshBody
 from jaxgear.scene._schema import GEARS
@@ -193,8 +193,8 @@ def whole_motion(built: BuiltBody, motions: np.ndarray, speeds: np.ndarray) -> n
     [m, rad], and the speed of rotation that loads the inside too, shape `[row]` [rad/s].
     """
     with in_keys(built.plan.gear):
-        full = full_of(built.plan, Steps(lambda step: None))
-        held = fixed_interface(full)
+        held = built.held()
+        full = held.full
         inside = held.followed(motions[:, : built.body.boundary_dofs].T)
         if np.any(speeds):
             inside = inside + held.loaded(full.centrifugal_load[:, None] * speeds**2)

@@ -19,7 +19,7 @@ from jaxgear._response._whole_motion import WholeBody, beyond_in_steps
 from jaxgear._solve._cycle import MeshCycle
 from jaxgear._system._body_modes import BodyBasis
 from jaxgear._system._held_body import held_answers
-from jaxgear.scene._body_build import BuiltBody, Steps, full_of
+from jaxgear.scene._body_build import BuiltBody
 from jaxgear.scene._body_words import in_keys
 from jaxgear.scene._gear_tables import GearKeys
 from jaxgear.scene._scene import Scene
@@ -91,11 +91,10 @@ class MovingBody:
         found[where] = np.arange(len(places))
         return found
 
-    @functools.cached_property
+    @property
     def _held(self) -> fem_prep.FixedInterface:
-        steps = Steps(lambda step: say(f"{self.gear}: {step}"))
         with in_keys(self.gear):
-            return fem_prep.fixed_interface(full_of(self.built.plan, Steps(say)), progress=steps)
+            return self.built.held(lambda step: say(f"{self.gear}: {step}"))
 
     def left_out(self, load: np.ndarray) -> np.ndarray:
         """Static answers to loads, the seats held, less what of them is in the modes.

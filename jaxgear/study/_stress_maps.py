@@ -24,7 +24,7 @@ from jaxgear._dynamics._system import PairDynamics
 from jaxgear._response._stress_cycle import StressRange, along_cylinder, images_of, stress_range
 from jaxgear._solve._cycle import MeshCycle
 from jaxgear._units import MPa, deg, mm
-from jaxgear.scene._body_build import BuiltBody, held_of
+from jaxgear.scene._body_build import BuiltBody
 from jaxgear.scene._body_words import in_keys
 from jaxgear.scene._mesh_bodies import MeshBody
 from jaxgear.scene._tables import MeshKeys
@@ -159,7 +159,7 @@ def _map_of(
         inertias.append(np.broadcast_to(found.inertia, found.motion.shape)[chosen])
         turns.extend(found.turn[chosen])
     with in_keys(gear):
-        held = held_of(body.built.plan, tell)
+        held = body.built.held(tell)
     tell("stresses over the cycle")
     stress = _stresses(held, under, np.concatenate(motions), np.concatenate(inertias))
     nodes = body.built.body.nodes

@@ -8,7 +8,6 @@ from tiny_cases import tiny_scene
 import jaxgear as jg
 from jaxgear._checks import InputError
 from jaxgear._units import MPa, um
-from jaxgear.scene._body_build import held_of
 from jaxgear.scene._build import grid_of, model_of, smooth_law_of
 from jaxgear.scene._mesh_bodies import with_bodies
 from jaxgear.scene._mistakes import SceneError
@@ -73,7 +72,7 @@ def test_a_body_as_warm_everywhere_grows_in_proportion_and_has_no_stress_of_it(p
     assert np.abs(field[:, :2] - strain * nodes[:, :2]).max() < 1e-8 * strain * radius
     cold, still = _solved(path, hub=0.0, rim=0.0)
     built = scene.bodies["wheel"].built
-    held = held_of(built.plan)
+    held = built.held()
     one, other = (
         _stresses(held, each, each.at_rest[None], np.zeros((1, each.body.dofs)))
         for each in (
