@@ -169,16 +169,15 @@ def estimator(built, pair, method) -> Callable[[float, Any], dict[str, float]]:
 
     from jaxgear._dynamics._table import ready_to_bear
     from jaxgear.study._body_waves import wave_watch
-    from jaxgear.study._shape_check import Again, judging_bodies
+    from jaxgear.study._shape_check import Again, judging_bodies, least_error
 
     wholes = judging_bodies(built.scene, wave_watch(built, pair))
     if wholes is None:
         sys.exit("No more natural modes were found than the bodies move on.")
     table = ready_to_bear(pair.system.table)
     system = dataclasses.replace(pair.system, table=table)
-    again = Again(
-        method, dataclasses.replace(pair, system=system), wholes, built.scene.sweep.orders
-    )
+    pair, orders = dataclasses.replace(pair, system=system), built.scene.sweep.orders
+    again = Again(method, pair, wholes, orders, least_error(pair))
 
     def about(speed: float, orbit: Any) -> dict[str, float]:
         own = again.read(again.pair, orbit)

@@ -3,10 +3,10 @@ r"""What shapes and mesh coordinates leave out of a response, as the cells of th
 Under the forces of its cells a whole body moves in a way of which its shapes show a part, and the
 mesh coordinates a part of these (`whole_modes`). By the difference each cell would come closer, and
 its inertia loads the seats. With such gaps and loads the same few unknowns find what many would,
-but for what the change of the forces then leaves out in its turn (theory 11.9).
+but for what the change of the forces then leaves out in its turn: a few rounds (theory 11.9).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import jax
@@ -42,6 +42,56 @@ class LeftOut(NamedTuple):
 
     closer: np.ndarray
     load: np.ndarray
+
+    @property
+    def scale(self) -> float:
+        """What loads give that are as much as cells come closer [m/N]."""
+        size = float(np.linalg.norm(self.load))
+        return float(np.linalg.norm(self.closer)) / size if size else 1.0
+
+    def vector(self, scale: float) -> np.ndarray:
+        """All of it, loads by so much give [m/N]."""
+        load = scale * self.load.ravel()
+        return np.concatenate([self.closer.ravel(), np.real(load), np.imag(load)])
+
+
+def still_apart(given: LeftOut, found: Sequence[LeftOut]) -> float:
+    """How far the last that was found is from what was given, over the first that was found [-]."""
+    scale = found[0].scale
+    apart = found[-1].vector(scale) - given.vector(scale)
+    return float(np.linalg.norm(apart) / np.linalg.norm(found[0].vector(scale)))
+
+
+# Earlier rounds that are looked back at.
+_DEPTH = 3
+
+
+def mixed(given: Sequence[LeftOut], found: Sequence[LeftOut]) -> LeftOut:
+    """What to give a response next, so that what is left out of it is what it was given.
+
+    Anderson's mixing (Anderson 1965; Walker and Ni 2011). Of one round it is what was found.
+
+    **Arguments:**
+
+    - `given`: to each response so far; nothing, zeros, to the first.
+    - `found`: what was then left out of each.
+
+    **Returns:**
+
+    The next to be given.
+    """
+    first, scale = found[0], found[0].scale
+    images = [each.vector(scale) for each in found[-_DEPTH - 1 :]]
+    starts = [each.vector(scale) for each in given[-_DEPTH - 1 :]]
+    off = [image - start for image, start in zip(images, starts, strict=True)]
+    best = images[-1]
+    if len(images) > 1:
+        turns = np.stack([off[-1] - each for each in off[:-1]], axis=1)
+        moves = np.stack([images[-1] - each for each in images[:-1]], axis=1)
+        best = best - moves @ np.linalg.lstsq(turns, off[-1])[0]
+    closer, load = np.split(best, [first.closer.size])
+    load = (load[: load.size // 2] + 1j * load[load.size // 2 :]) / scale
+    return LeftOut(closer.reshape(first.closer.shape), load.reshape(first.load.shape))
 
 
 def left_out(

@@ -20,9 +20,11 @@ from jaxgear._dynamics._harmonic import HarmonicBalance, harmonic_balance_proble
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._dynamics._table import ready_to_bear
-from jaxgear._response._left_out import left_out
+from jaxgear._dynamics._types import Terms
+from jaxgear._response._left_out import LeftOut, left_out, mixed, still_apart
 from jaxgear._response._measured import measured
 from jaxgear._response._whole_motion import WholeBody
+from jaxgear._types import Scalar
 from jaxgear.scene._build import law_of
 from jaxgear.scene._scene import Scene
 from jaxgear.study._body_waves import WaveWatch
@@ -35,6 +37,10 @@ from jaxgear.study._sweeping import Sweep, alike
 
 # At most so many speeds, one for so many of the sweep; how far off a response may be unsaid [-].
 _MOST, _EACH, _TOLERANCE = 4, 8, 0.01
+
+# A response is found again until its numbers change by less than this, or what is left out of it
+# is what it was given but for so much of what was left out first, or so often [-].
+_SMALL, _CLOSED, _ROUNDS = 0.001, 0.3, 6
 
 
 class ShapeCheck(NamedTuple):
@@ -114,13 +120,12 @@ def shape_check(
         return None
     ready = ready_to_bear(pair.system.table)
     moving = eqx.tree_at(lambda each: each.system.table, pair, ready)
-    again = Again(method, moving, wholes, scene.sweep.orders, dynamics.statics.influences)
+    least = least_error(pair)
+    again = Again(method, moving, wholes, scene.sweep.orders, least, dynamics.statics.influences)
     own = [found.responses[found.main][place].numbers for place in chosen]
     ratios = [float(one.dynamic_ratio) for one in own]
     better = [again.better(*each) for each in zip(found.speeds[chosen], ratios, strict=True)]
     ratio, te_rms = np.array(better).T
-    # Nobody needs a part of nothing.
-    least = FLOOR * float(np.mean(np.asarray(pair.cycle.approach)))
     off = np.array([float(one.te_rms) for one in own]) - te_rms
     return ShapeCheck(
         speeds=found.speeds[chosen],
@@ -129,6 +134,11 @@ def shape_check(
         force=np.array(ratios) / ratio - 1.0,
         te_rms=off / np.maximum(te_rms, least),
     )
+
+
+def least_error(pair: PairDynamics) -> float:
+    """RMS of transmission error of which nobody needs a part [m]."""
+    return FLOOR * float(np.mean(np.asarray(pair.cycle.approach)))
 
 
 def judging_bodies(scene: Scene, watch: WaveWatch) -> dict[int, WholeBody] | None:
@@ -152,6 +162,7 @@ class Again(NamedTuple):
     - `pair`: in motion, made `ready_to_bear`.
     - `wholes`: its bodies on many modes, by index.
     - `orders`: of the mesh that the sweep measures.
+    - `least`: RMS of transmission error of which nobody needs a part [m].
     - `influences`: of loads on the roots, where the sweep measures their stresses.
     """
 
@@ -159,6 +170,7 @@ class Again(NamedTuple):
     pair: PairDynamics
     wholes: Mapping[int, WholeBody]
     orders: int
+    least: float
     influences: Influences | None = None
 
     def better(self, speed: float, ratio: float) -> tuple[float, float]:
@@ -166,19 +178,45 @@ class Again(NamedTuple):
 
         NaN where a response of that speed [rad/s] and dynamic ratio is not found again.
         """
-        pair, at, lost = self.pair, jnp.asarray(float(speed)), (np.nan, np.nan)
-        balance = harmonic_balance_problem(self.method, pair.system)
-        orbit, terms = self.method.solve(balance, at, balance.rest)
-        if not orbit.settled or not alike(ratio, self.read(pair, orbit)[0]):
+        at, lost = jnp.asarray(float(speed)), (np.nan, np.nan)
+        orbit, terms = self._found(self.pair, at, None, None)
+        pair, numbers = self.pair, self.read(self.pair, orbit)
+        if not orbit.settled or not alike(ratio, numbers[0]):
             return lost
-        left = left_out(self.wholes, pair, orbit, self.method.law, self.method.harmonics)
-        table = pair.system.table
+        least = np.array([0.0, self.least])
+        given: list[LeftOut] = []
+        found: list[LeftOut] = []
+        for _ in range(_ROUNDS):
+            left = left_out(self.wholes, pair, orbit, self.method.law, self.method.harmonics)
+            given += [] if given else [LeftOut(0.0 * left.closer, 0.0 * left.load)]
+            found.append(left)
+            if still_apart(given[-1], found) < _CLOSED:
+                break
+            given.append(mixed(given, found))
+            pair = self._with(given[-1])
+            orbit, terms = self._found(pair, at, given[-1], terms)
+            if not orbit.settled:
+                return lost
+            before, numbers = numbers, self.read(pair, orbit)
+            change = np.abs(np.subtract(numbers, before)) / np.maximum(numbers, least)
+            if change.max() < _SMALL:
+                break
+        return numbers
+
+    def _with(self, left: LeftOut) -> PairDynamics:
+        """The pair with cells closer by so much."""
+        table = self.pair.system.table
         table = dataclasses.replace(table, gap=table.gap - left.closer[None], ready=None)
-        pair = eqx.tree_at(lambda x: x.system.table, pair, ready_to_bear(table))
+        return eqx.tree_at(lambda x: x.system.table, self.pair, ready_to_bear(table))
+
+    def _found(
+        self, pair: PairDynamics, speed: Scalar, left: LeftOut | None, near: Terms | None
+    ) -> tuple[Orbit, Terms]:
+        """A response under loads of what is left out, from harmonics close by or from rest."""
         balance = harmonic_balance_problem(self.method, pair.system)
-        balance = dataclasses.replace(balance, beside=jnp.asarray(left.load))
-        orbit, _ = self.method.solve(balance, at, terms)
-        return self.read(pair, orbit) if orbit.settled else lost
+        if left is not None:
+            balance = dataclasses.replace(balance, beside=jnp.asarray(left.load))
+        return self.method.solve(balance, speed, balance.rest if near is None else near)
 
     def read(self, pair: PairDynamics, orbit: Orbit) -> tuple[float, float]:
         """Dynamic ratio, and RMS of transmission error [m]."""

@@ -13,7 +13,7 @@ import jaxgear as jg
 from jaxgear._dynamics._harmonic import harmonic_balance_problem
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._pair_dynamics import pair_dynamics
-from jaxgear._response._left_out import LeftOut, left_out
+from jaxgear._response._left_out import LeftOut, left_out, mixed
 from jaxgear._response._whole_motion import WholeBody
 from jaxgear._system._body_modes import BodyBasis, body_basis
 from jaxgear._system._body_tables import flexible_body
@@ -122,3 +122,18 @@ def test_with_it_few_modes_find_what_many_do(speed, force, te):
         moved = _closer(few, left)
         orbit = _found(moved, speed, left)
         assert np.all(_off(moved, orbit, speed) < np.array([force, te]) * before)
+
+
+def test_rounds_that_drive_each_other_apart_are_mixed_to_their_root():
+    """Two lengths and a load, each round of which is twice as far off as the last, three ways."""
+    draw = np.random.default_rng(3)
+    turn, root = -2.0 * np.linalg.qr(draw.normal(size=(4, 4)))[0], draw.normal(size=4)
+    turn[:, 3] = 0.0
+    part = lambda x: LeftOut(x[None, :2], 1e3 * (x[2:3] + 1j * x[3:])[None])
+    whole = lambda each: np.r_[each.closer[0], each.load[0].real / 1e3, each.load[0].imag / 1e3]
+    given, found = [part(np.zeros(4))], []
+    for _ in range(8):
+        found.append(part(root + turn @ (whole(given[-1]) - root)))
+        given.append(mixed(given, found))
+    assert np.abs(whole(given[1]) - whole(found[0])).max() < 1e-12
+    assert np.abs(whole(given[-1]) - root).max() < 1e-6
