@@ -46,8 +46,8 @@ class LeftOut(NamedTuple):
     @property
     def scale(self) -> float:
         """What loads give that are as much as cells come closer [m/N]."""
-        size = float(np.linalg.norm(self.load))
-        return float(np.linalg.norm(self.closer)) / size if size else 1.0
+        closer, load = (float(np.linalg.norm(each)) for each in self)
+        return closer / load if closer and load else 1.0
 
     def vector(self, scale: float) -> np.ndarray:
         """All of it, loads by so much give [m/N]."""
@@ -58,8 +58,8 @@ class LeftOut(NamedTuple):
 def still_apart(given: LeftOut, found: Sequence[LeftOut]) -> float:
     """How far the last that was found is from what was given, over the first that was found [-]."""
     scale = found[0].scale
-    apart = found[-1].vector(scale) - given.vector(scale)
-    return float(np.linalg.norm(apart) / np.linalg.norm(found[0].vector(scale)))
+    apart = float(np.linalg.norm(found[-1].vector(scale) - given.vector(scale)))
+    return apart / float(np.linalg.norm(found[0].vector(scale))) if apart else 0.0
 
 
 # Earlier rounds that are looked back at.

@@ -51,8 +51,7 @@ class ShapeCheck(NamedTuple):
     - `speeds`: of the pinion [rad/s].
     - `modes`, `shapes`: natural modes of all bodies with many, and shapes of those with few.
     - `force`, `te_rms`: estimates of the relative errors of the largest mesh force and of the RMS
-        of transmission
-        error at each; NaN where a response was not found again [-].
+        of transmission error at each; NaN where a response was not found again [-].
     """
 
     speeds: np.ndarray
