@@ -147,7 +147,9 @@ def judging_bodies(scene: Scene, watch: WaveWatch) -> dict[int, WholeBody] | Non
         whole, richer = looked.whole, scene.bodies[gear].more_modes
         if richer is not None:
             more, (flexible, into) = True, richer
-            whole = dataclasses.replace(whole, flexible=flexible, into=into)
+            # Where shapes are combinations of them, the waves told are of these modes already.
+            if flexible is not whole.flexible:
+                whole = dataclasses.replace(whole, flexible=flexible, into=into)
         wholes[looked.body.index] = whole
     return wholes if more else None
 

@@ -11,7 +11,7 @@ import optimise
 from jaxgear._system._body_modes import BodyBasis
 from jaxgear._system._excited_shapes import natural_among
 from jaxgear.scene._scene import Scene
-from jaxgear.scene._tables import ModelKeys, SweepKeys
+from jaxgear.scene._tables import SweepKeys
 from jaxgear.study._dynamics import Size, method_name, speeds_of
 from jaxgear.study._ranks import Doubtful, Idle
 from jaxgear.study._steady import SteadyPoint
@@ -44,7 +44,7 @@ def sweep_notes(
     if bodies and scene.sweep.is_given:
         # Approach and tilt stand beside the mesh coordinates.
         size = Size(2 + scene.at_mesh, scene.mesh.periods)
-        natural = {gear: _natural(each, scene.model) for gear, each in bodies.items()}
+        natural = {gear: _natural(each) for gear, each in bodies.items()}
         found += _beyond_reach(scene.sweep, size, scene.pinion.teeth, natural)
     if unsettled:
         found.append(
@@ -69,7 +69,7 @@ def sweep_notes(
     return found
 
 
-def _natural(body: Any, model: ModelKeys) -> BodyBasis:
+def _natural(body: Any) -> BodyBasis:
     """The natural modes of a body in motion; of excited shapes they are the lowest."""
     basis: BodyBasis = body.basis
     count = len(basis.square)
