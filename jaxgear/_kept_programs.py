@@ -13,8 +13,6 @@ import contextlib
 import dataclasses
 import functools
 import hashlib
-import importlib.metadata
-import importlib.util
 import io
 import os
 import pickle
@@ -28,11 +26,8 @@ import equinox as eqx
 import jax
 import numpy as np
 
+from jaxgear._lowered_files import lowered_folder, read_lowered, surroundings, write_lowered
 from jaxgear._process import memory_maps, most_memory_maps
-from jaxgear._whole_file import whole_file
-
-_OURS = ("jaxgear", "optimise", "fem_prep")
-_THEIRS = ("jax", "jaxlib", "equinox", "diffrax", "lineax", "optimistix", "optax", "numpy", "scipy")
 
 
 class Program(NamedTuple):
@@ -80,9 +75,6 @@ USUALLY = (("xla_backend_optimization_level", 1), _PLAIN)
 
 Options = tuple[tuple[str, Any], ...]
 
-# JAX gives no types for its settings.
-_CONFIG: Any = jax.config
-
 
 def called(function: Callable[..., Any], *arguments: Any, options: Options = QUICKLY) -> Any:
     """What a function of a module, compiled, returns for numbers and arrays.
@@ -112,7 +104,7 @@ def keeping_verbs() -> Generator[None]:
 
 def keeps_verbs() -> bool:
     """Whether programs of verbs are kept where this is asked."""
-    return _KEEPS.get() and _folder() is not None
+    return _KEEPS.get() and lowered_folder() is not None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -122,7 +114,7 @@ class _Verb:
     **Fields:**
 
     - `named`: by whose name it is found again.
-    - `settings`: leaves and structure of the arguments that are no arrays.
+    - `settings`: leaves of the arguments, `None` for each array, and their structure.
     - `body`: what is traced; not kept.
     """
 
@@ -135,6 +127,12 @@ class _Verb:
         """The arguments, arrays left out."""
         return jax.tree.unflatten(self.settings[1], self.settings[0])
 
+    @property
+    def structure(self) -> Any:
+        """That of the arrays."""
+        are_arrays = [True if x is None else None for x in self.settings[0]]
+        return jax.tree.structure((jax.tree.unflatten(self.settings[1], are_arrays),))
+
     def __call__(self, arrays: Any) -> Any:
         assert self.body is not None
         args, kwargs = eqx.combine(arrays, self.arguments)
@@ -143,6 +141,9 @@ class _Verb:
     def __reduce__(self) -> tuple[Any, ...]:
         # It is written to be told from others: structures cannot be, but what is built like them.
         return tuple, ((self.named, self.arguments),)
+
+
+_NUMBERS = jax.Array, np.ndarray, np.generic
 
 
 def verb_called(
@@ -165,12 +166,11 @@ def verb_called(
 
     What the verb returns.
     """
-    is_number = lambda x: isinstance(x, (jax.Array, np.ndarray, np.generic))
-    arrays, others = eqx.partition((args, kwargs), is_number)
-    held, shape = jax.tree.flatten(others)
-    leaves, structure = jax.tree.flatten((arrays,))
-    verb = _Verb(named, (tuple(held), shape), body)
-    return program_of(verb, structure, kinds_of(leaves), options)(*leaves)
+    leaves, shape = jax.tree.flatten((args, kwargs))
+    arrays = [x for x in leaves if isinstance(x, _NUMBERS)]
+    others = tuple(None if isinstance(x, _NUMBERS) else x for x in leaves)
+    verb = _Verb(named, (others, shape), body)
+    return program_of(verb, None, kinds_of(arrays), options)(*arrays)
 
 
 def leaves_of(*arguments: Any) -> tuple[list[Any], Any]:
@@ -201,7 +201,8 @@ def program_of(
     **Arguments:**
 
     - `function`: to be compiled; one that is kept stands by a name in its module.
-    - `structure`, `kinds`: of the leaves of its arguments.
+    - `structure`: of its arguments; of a verb `None`, which knows its own.
+    - `kinds`: of the leaves of its arguments.
     - `options`: for the compiler.
 
     **Returns:**
@@ -288,8 +289,10 @@ def make_room() -> None:
 def _named_program(
     function: Callable[..., Any], structure: Any, kinds: tuple[Kind, ...], options: Options
 ) -> Program:
+    # A sweep calls verbs a thousand times: what it takes to find one again is all it takes then.
+    structure = function.structure if isinstance(function, _Verb) else structure
     path = _path(function, structure, kinds)
-    kept = None if path is None else _read(path)
+    kept = None if path is None else read_lowered(path)
     if kept is None:
         flat, results = _flat(function, structure)
         try:
@@ -298,7 +301,7 @@ def _named_program(
             # On some devices an operation has no portable form. A user's mistake is told again.
             return _program(function, structure, kinds, options)
         if path is not None:
-            _write(path, *kept)
+            write_lowered(path, *kept)
     return _imported(*kept, kinds, options, _name(function))
 
 
@@ -333,7 +336,7 @@ def _flat(function: Callable[..., Any], structure: Any) -> tuple[Callable[..., A
 
 def _path(function: Callable[..., Any], structure: Any, kinds: tuple[Kind, ...]) -> Path | None:
     """Where a program is kept; None where none is, or where it cannot be told from others."""
-    folder = _folder()
+    folder = lowered_folder()
     if folder is None:
         return None
     content = io.BytesIO()
@@ -344,55 +347,6 @@ def _path(function: Callable[..., Any], structure: Any, kinds: tuple[Kind, ...])
         pickler.dump((function, jax.tree.unflatten(structure, range(len(kinds))), kinds))
     except (pickle.PicklingError, AttributeError, TypeError):
         return None
-    key = hashlib.sha256(content.getvalue() + _surroundings().encode()).hexdigest()
+    key = hashlib.sha256(content.getvalue() + surroundings().encode()).hexdigest()
     # Ends as the files of JAX's cache do, with which it is counted and removed.
     return folder / f"lowered_{_name(function)}-{key}-cache"
-
-
-def _folder() -> Path | None:
-    """The folder of JAX's cache, if it is to be used."""
-    folder = _CONFIG.jax_compilation_cache_dir
-    return Path(folder) if _CONFIG.jax_enable_compilation_cache and folder else None
-
-
-@functools.cache
-def _surroundings() -> str:
-    """All that a lowered program depends on besides its function and arguments."""
-    source = hashlib.sha256()
-    for name in _OURS:
-        found = importlib.util.find_spec(name)
-        for root in () if found is None else found.submodule_search_locations or ():
-            for file in sorted(Path(root).rglob("*.py")):
-                source.update(f"{name}/{file.relative_to(root)}\n".encode() + file.read_bytes())
-    versions = [importlib.metadata.version(name) for name in _THEIRS]
-    settings = [f"{key}={os.environ[key]}" for key in sorted(os.environ) if key[:4] == "JAX_"]
-    backend, x64 = jax.default_backend(), str(_CONFIG.jax_enable_x64)
-    settings = [each for each in settings if "CACHE" not in each]
-    return "\n".join([source.hexdigest(), *versions, *settings, backend, x64])
-
-
-def _read(path: Path) -> tuple[jax.export.Exported, Any] | None:
-    """A kept program and the structure of its result; None if it is not there, or is damaged."""
-    try:
-        content = path.read_bytes()
-    except OSError:
-        return None
-    whole = hashlib.sha256(content[32:]).digest() == content[:32]
-    if not whole:
-        with contextlib.suppress(OSError):
-            path.unlink()
-        return None
-    exported, example = pickle.loads(content[32:])
-    return jax.export.deserialize(bytearray(exported)), jax.tree.structure(example)
-
-
-def _write(path: Path, exported: jax.export.Exported, result: Any) -> None:
-    """Keep a program; where that cannot be, nothing is lost but time."""
-    # Structures cannot be written, but what is built like it can.
-    example = jax.tree.unflatten(result, range(result.num_leaves))
-    with contextlib.suppress(OSError, pickle.PicklingError, AttributeError, TypeError):
-        body = pickle.dumps((bytes(exported.serialize()), example), protocol=5)
-        with whole_file(path) as draft:
-            # It is unpickled: nobody else may write to it.
-            draft.touch(mode=0o600)
-            draft.write_bytes(hashlib.sha256(body).digest() + body)

@@ -33,6 +33,7 @@ STAGES = (
     "_process",
     "_whole_file",
     "_columns",
+    "_lowered_files",
     "_kept_programs",
     "_compiled",
     "_batches",

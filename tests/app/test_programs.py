@@ -75,7 +75,7 @@ def _on_line(line: _Line, x: Array) -> dict[str, tuple[Array, _Line]]:
 
 @pytest.fixture
 def kept_in(tmp_path, monkeypatch) -> Path:
-    monkeypatch.setattr(programs, "_folder", lambda: tmp_path)
+    monkeypatch.setattr(programs, "lowered_folder", lambda: tmp_path)
     programs.forget()
     _TRACED.clear()
     return tmp_path
@@ -126,7 +126,7 @@ def test_two_threads_that_ask_at_once_make_one_program(kept_in):
 
 def test_another_version_of_the_source_is_another_program(kept_in, monkeypatch):
     _asked()
-    monkeypatch.setattr(programs, "_surroundings", lambda: "another version")
+    monkeypatch.setattr(programs, "surroundings", lambda: "another version")
     assert _asked() == [6.0, 24.0]
     assert _TRACED == [3, 3]
 
@@ -145,7 +145,7 @@ def test_a_damaged_file_is_replaced(kept_in, damage):
 
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="POSIX only")
 def test_a_folder_that_is_not_there_costs_time_only(kept_in, monkeypatch):
-    monkeypatch.setattr(programs, "_folder", lambda: kept_in / "nowhere")
+    monkeypatch.setattr(programs, "lowered_folder", lambda: kept_in / "nowhere")
     assert _asked() == [6.0, 24.0]
     assert not list(kept_in.iterdir())
 
