@@ -8,6 +8,7 @@ cells, so that statics is as it was.
 import dataclasses
 import functools
 import operator
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -18,7 +19,7 @@ from jaxtyping import Array
 
 from jaxgear._contact._cells import MeshCells, mesh_gap
 from jaxgear._dynamics._bodies import VibratingBody
-from jaxgear._dynamics._moving_mesh import MovingMesh, beam_bow, mean_share, mean_stiffness
+from jaxgear._dynamics._moving_mesh import MeanMesh, MovingMesh, beam_bow, mean_mesh
 from jaxgear._dynamics._table import at_places, tabulated
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
@@ -71,44 +72,37 @@ def body_mesh(
     at_cells = [_arms(pair, bodies, c, mounted.bends) for c in at]
     growth = jnp.stack([x.growth for x in at_cells])
     heated = jnp.stack([x.heated for x in at_cells])
-    held = _held(mounted, bodies)
-    alone = jnp.diagonal(held.give)
-    size = jnp.sqrt(alone) * held.weights
-    loads = _loads(cycle)
-    few = _combinations([x.under(loads) for x in at_cells], size, held.sections, coordinates)
-    few = _of_unit_strain(few, alone, held.sections)
+    held, middle = _held(mounted, bodies), at_cells[_MIDDLE_PLACE]
+    combined = _choice(at_cells, _loads(cycle), held)
+    whole = _in_all(middle, held, beam_bow(mounted))
+    few = combined(coordinates)
+    mean, beyond = _mean(cycle, middle, held, whole, few)
     met, give = jnp.stack([x.by(few.into) for x in at_cells]), few.out_of.T @ held.give @ few.out_of
-    # What cells give in all, less what of it is in the motion of the mesh coordinates.
-    seats = jnp.stack([x.seats for x in at_cells])
-    whole, kept = seats[_MIDDLE_PLACE], met[_MIDDLE_PLACE]
-    assert cells.coupling is not None
-    beyond = _between(whole, held.give[: held.count, : held.count]) - _between(kept, give)
-    bow = beam_bow(mounted)
-    if bow is not None:
-        # It has no mass either: beams and shafts bend by their nodes, and so in mesh coordinates.
-        own = bow[: held.sections, : held.sections]
-        beyond = beyond + _between(whole[:, :, : held.sections], own)
-    grown = growth + seats @ held.spun[: held.count] - met @ (few.out_of.T @ held.spun)
+    seats, kept = jnp.stack([x.seats for x in at_cells]), met[_MIDDLE_PLACE]
     # Loads from outside and heat move the cells as they do at rest, by what coordinates leave out
     # too. What heat does with the seats held is all in `heated`.
+    grown = growth + seats @ held.spun[: held.count] - met @ (few.out_of.T @ held.spun)
     moved_out = seats @ held.outside[: held.count]
     gap = gap - heated - (moved_out - met @ (few.out_of.T @ held.outside))
     pressed = jnp.sum(kept * cycle.force[:, :, None], axis=1)
     rest = (few.out_of.T @ held.outside)[None, :] - pressed @ give
+    assert cells.coupling is not None
     moved = dataclasses.replace(cells, coupling=cells.coupling + beyond)
-    table = tabulated(grid, moved, gap, met, grown)
-    mean = mean_stiffness(cycle, table)
-    # The bodies have their share in what the mean mesh stores, however few of their modes move.
-    teeth = mean - mean_share(cycle, table, at_cells[_MIDDLE_PLACE].feet + beyond)
+    damped = mean
+    if coordinates != _DAMPED:
+        damped, _ = _mean(cycle, middle, held, whole, combined(_DAMPED))
     return MovingMesh(
-        table=table,
-        mean=0.5 * (mean + mean.T),
-        teeth=0.5 * (teeth + teeth.T),
-        vectors=held.vectors @ few.out_of,
+        table=tabulated(grid, moved, gap, met, grown),
+        mean=mean,
+        damped=damped,
         rest=rest.at[:, 0].add(cycle.approach),
         left_out=few.left_out,
     )
 
+
+# Combinations of modes with which the mesh is there for the damping, however many move: damping
+# must not change with them (theory 8.5).
+_DAMPED = 24
 
 # The middle of a step, among its three places.
 _MIDDLE_PLACE = 1
@@ -117,6 +111,32 @@ _MIDDLE_PLACE = 1
 def _between(arms: Array, flexibility: Array) -> Array:
     """Compliance between all cells by motions of a flexibility, at each phase."""
     return (arms @ flexibility) @ jnp.swapaxes(arms, 1, 2)
+
+
+def _in_all(cells: "_AtCells", held: "_HeldStructure", bow: Array | None) -> DenseCouplingGrid:
+    """Compliance between all cells by what is outside of the bodies' modes."""
+    whole = _between(cells.seats, held.give[: held.count, : held.count])
+    if bow is None:
+        return whole
+    # It has no mass either: beams and shafts bend by their nodes, and so in mesh coordinates.
+    own = bow[: held.sections, : held.sections]
+    return whole + _between(cells.seats[:, :, : held.sections], own)
+
+
+def _mean(
+    cycle: MeshCycle,
+    cells: "_AtCells",
+    held: "_HeldStructure",
+    whole: DenseCouplingGrid,
+    few: "_Combinations",
+) -> tuple[MeanMesh, DenseCouplingGrid]:
+    """The mean mesh on some coordinates, and what cells give beyond these."""
+    assert cycle.cells.coupling is not None
+    arms, give = cells.by(few.into), few.out_of.T @ held.give @ few.out_of
+    beyond = whole - _between(arms, give)
+    coupling, vectors = cycle.cells.coupling + beyond, held.vectors @ few.out_of
+    # The bodies have their share in what the mean stores, however few of their modes move.
+    return mean_mesh(cycle, coupling, arms, vectors, cells.feet + beyond), beyond
 
 
 def _others(body: FlexibleBody) -> np.ndarray:
@@ -277,11 +297,31 @@ def _loads(cycle: MeshCycle) -> Array:
     return jnp.concatenate([rest[:, None, :], moving], axis=1)
 
 
-def _combinations(loads: list[Array], size: Array, sections: int, count: int) -> _Combinations:
-    """Those that some loads move most, as of `_AtCells.under`; motions measured by their sizes."""
+def _choice(
+    cells: list[_AtCells], loads: Array, held: _HeldStructure
+) -> Callable[[int], _Combinations]:
+    """What gives so many combinations of modes for loads on the cells at all places."""
+    alone = jnp.diagonal(held.give)
+    size = jnp.sqrt(alone) * held.weights
+    energy = _energy([x.under(loads) for x in cells], size, held.sections)
+
+    def combined(count: int) -> _Combinations:
+        few = _combinations(energy, size, held.sections, count)
+        return _of_unit_strain(few, alone, held.sections)
+
+    return combined
+
+
+def _energy(loads: list[Array], size: Array, sections: int) -> Array:
+    """What some loads, as of `_AtCells.under`, give to motions of modes measured by their sizes."""
+    seen = (x[:, :, sections:].reshape(-1, size.size - sections) for x in loads)
+    seen = (each * size[None, sections:] for each in seen)
+    return functools.reduce(operator.add, (x.T @ x for x in seen))
+
+
+def _combinations(energy: Array, size: Array, sections: int, count: int) -> _Combinations:
+    """Those that loads of this energy move most; motions measured by their sizes."""
     size = size[sections:]
-    seen = (x[:, :, sections:].reshape(-1, size.size) * size[None, :] for x in loads)
-    energy = functools.reduce(operator.add, (x.T @ x for x in seen))
     patterns = _leading(energy, count)
     energy, found = (jax.lax.stop_gradient(each) for each in (energy, patterns))
     whole = jnp.trace(energy)

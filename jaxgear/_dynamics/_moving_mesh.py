@@ -11,9 +11,7 @@ from jaxtyping import Array
 from jaxgear._dynamics._back_flank import back_flank_table, back_vectors, with_back_flanks
 from jaxgear._dynamics._cell_forces import tangent_columns
 from jaxgear._dynamics._table import MeshTable, mesh_table
-from jaxgear._dynamics._types import (
-    StepPlaces,
-)
+from jaxgear._dynamics._types import Matrix, StepCoupling, StepPlaces
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._solve._coordinates import on_coordinates_all
 from jaxgear._solve._cycle import MeshCycle
@@ -29,26 +27,44 @@ from jaxgear._types import (
 )
 
 
+class MeanMesh(NamedTuple):
+    """A spring on coordinates of the mesh: the mean over a cycle of the cells in contact.
+
+    **Fields:**
+
+    - `vectors`: the coordinates per degree of freedom, `[dof, coordinate]`.
+    - `stiffness`: mean stiffness on them.
+    - `teeth`: part of it whose strain is in the teeth, or `None`: all.
+    """
+
+    vectors: Array
+    stiffness: CoordinateMatrix
+    teeth: CoordinateMatrix | None = None
+
+    def among(self, dofs: np.ndarray) -> tuple[Matrix, Matrix]:
+        """Its stiffness between some degrees of freedom, and that of the teeth."""
+        rows, teeth = self.vectors[dofs], self.stiffness if self.teeth is None else self.teeth
+        return rows @ self.stiffness @ rows.T, rows @ teeth @ rows.T
+
+
 class MovingMesh(NamedTuple):
     """The mesh of a pair in motion.
 
     **Fields:**
 
     - `table`: of the cells.
-    - `vectors`: mesh coordinates per degree of freedom, `[dof, coordinate]`.
-    - `mean`: mean stiffness on the mesh coordinates.
+    - `mean`: the spring on the mesh coordinates about which it is linear.
+    - `damped`: the spring of whose modes the damping is made.
     - `rest`: mesh coordinates of the quasi-static states, `[phase, coordinate]`.
-    - `teeth`: part of `mean` whose strain is in the teeth, or `None`: all.
     - `bow`: what bodies give between their nodes, or `None`: nothing.
     - `left_out`: part of the motion under loads on the flanks that the mesh coordinates leave out,
         root of its kinetic energy in the mean over these [-].
     """
 
     table: MeshTable
-    vectors: Array
-    mean: CoordinateMatrix
+    mean: MeanMesh
+    damped: MeanMesh
     rest: StepPlaces
-    teeth: CoordinateMatrix | None = None
     bow: CoordinateMatrix | None = None
     left_out: Scalar | float = 0.0
 
@@ -70,10 +86,12 @@ def node_mesh(
     The mesh of the drive flanks.
     """
     table = mesh_table(mounted, cycle.cells, grid, model.flanks, model.misalignment)
+    vectors = _onto(mounted, mounted.vectors)
+    mean = mean_mesh(cycle, table.coupling, table.middle_arms, vectors)
     return MovingMesh(
         table=table,
-        vectors=_onto(mounted, mounted.vectors),
-        mean=mean_stiffness(cycle, table),
+        mean=mean,
+        damped=mean,
         rest=_rest(mounted, cycle),
         bow=beam_bow(mounted),
     )
@@ -97,44 +115,50 @@ def mesh_with_back_flanks(
     turned = back_vectors(mounted.vectors, (first, last))
     both = jax.scipy.linalg.block_diag
     others, complete = back_flank_table(mounted, model, grid, met.table)
+    stiffness = met.mean.stiffness
+    # Back flanks touch for moments, and have no part in the mean.
+    mean = MeanMesh(
+        vectors=jnp.concatenate([met.mean.vectors, _onto(mounted, turned)], axis=1),
+        stiffness=both(stiffness, jnp.zeros_like(stiffness)),
+    )
     whole = MovingMesh(
         table=with_back_flanks(met.table, others),
-        vectors=jnp.concatenate([met.vectors, _onto(mounted, turned)], axis=1),
-        mean=both(met.mean, jnp.zeros_like(met.mean)),
+        mean=mean,
+        damped=mean,
         rest=jnp.concatenate([met.rest, _back_rest(mounted, cycle, turned)], axis=1),
         bow=None if met.bow is None else both(met.bow, met.bow),
     )
     return whole, complete
 
 
-def mean_stiffness(cycle: MeshCycle, table: MeshTable) -> CoordinateMatrix:
-    """Mean over the cycle of the stiffness of the cells in contact, on a table's coordinates."""
-    return _mean(cycle, jax.vmap(on_coordinates_all)(table.middle_arms, _pushed(cycle, table)))
-
-
-def mean_share(
-    cycle: MeshCycle, table: MeshTable, compliance: DenseCouplingGrid
-) -> CoordinateMatrix:
-    """The part of the mean stiffness whose strain is in a part of the coupling between cells.
+def mean_mesh(
+    cycle: MeshCycle,
+    coupling: StepCoupling | None,
+    arms: CellArmGrid,
+    vectors: Array,
+    bodies: DenseCouplingGrid | None = None,
+) -> MeanMesh:
+    """The mean over a cycle of the stiffness of the cells in contact.
 
     **Arguments:**
 
     - `cycle`: quasi-static states.
-    - `table`: of the cells.
-    - `compliance`: this part of the table's coupling.
+    - `coupling`: between its cells, as of `MeshTable` [m/N].
+    - `arms`: of the cells, on some coordinates.
+    - `vectors`: these coordinates per degree of freedom, `[dof, coordinate]`.
+    - `bodies`: part of the coupling that is none of the teeth, or `None`: nothing [m/N].
 
     **Returns:**
 
-    The part, on the table's coordinates.
+    The spring, and the share that the strain of the teeth has in it.
     """
-    pushed = _pushed(cycle, table)
-    return _mean(cycle, jnp.swapaxes(pushed, 1, 2) @ compliance @ pushed)
-
-
-def _pushed(cycle: MeshCycle, table: MeshTable) -> CellArmGrid:
-    """Forces of the cells in contact per coordinate of a table, at each phase."""
-    closed = jnp.where(cycle.overlap > 0.0, table.stiffness, 0.0)
-    return jax.vmap(tangent_columns)(closed, table.coupling, table.middle_arms)
+    closed = jnp.where(cycle.overlap > 0.0, cycle.cells.stiffness, 0.0)
+    pushed = jax.vmap(tangent_columns)(closed, coupling, arms)
+    mean = _mean(cycle, jax.vmap(on_coordinates_all)(arms, pushed))
+    if bodies is None:
+        return MeanMesh(vectors, mean)
+    teeth = mean - _mean(cycle, jnp.swapaxes(pushed, 1, 2) @ bodies @ pushed)
+    return MeanMesh(vectors, 0.5 * (mean + mean.T), 0.5 * (teeth + teeth.T))
 
 
 def _mean(cycle: MeshCycle, each: Array) -> CoordinateMatrix:

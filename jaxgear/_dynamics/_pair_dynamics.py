@@ -145,10 +145,7 @@ def _in_motion(
     )
     damping, active = _split(damping, active_mesh_damping)
     mass, stiffness = (among(matrix) for matrix in matrices_with(mounted, bodies, size))
-    meshed, teeth = (
-        met.vectors[dofs] @ part @ met.vectors[dofs].T
-        for part in (met.mean, met.mean if met.teeth is None else met.teeth)
-    )
+    meshed, teeth = met.damped.among(dofs)
     held = _held(mass, stiffness + meshed, teeth, of(_rigid_rotation(mounted)), damping)
     turning = turning_terms(bodies, size, damping, whole=gyroscopic) if bodies else None
     whirl = None if turning is None else turning.gyroscopic
@@ -168,11 +165,11 @@ def _in_motion(
         damping=held.damping,
         stiffness=stiffness + held.spring,
         gyroscopic=None if whirl is None else among(whirl),
-        vectors=met.vectors[dofs],
+        vectors=met.mean.vectors[dofs],
         load=outside_loads(mounted, bodies, size)[dofs],
         bow=met.bow,
-        mean=met.mean,
-        teeth_part=met.teeth,
+        mean=met.mean.stiffness,
+        teeth_part=met.mean.teeth,
         table=met.table,
         cell_damping=None,
         force=mounted.force,

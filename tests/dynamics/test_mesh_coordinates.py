@@ -12,13 +12,14 @@ import pytest
 from hybrid_cases import APART, PAIRS, ROUND, relieved, vibrating
 
 import jaxgear as jg
-from jaxgear._dynamics._body_mesh import _combinations, _leading, _of_unit_strain
+from jaxgear._dynamics._body_mesh import _combinations, _energy, _leading, _of_unit_strain
 from jaxgear._dynamics._damping import ModalDamping
 from jaxgear._dynamics._harmonic import HarmonicBalance
+from jaxgear._dynamics._march_step import ties_of
 from jaxgear._dynamics._modes import Modes, pair_modes
 from jaxgear._dynamics._pair_dynamics import pair_dynamics
 from jaxgear._dynamics._steady_state import steady_states
-from jaxgear._dynamics._system import PairDynamics
+from jaxgear._dynamics._system import PairDynamics, modal_basis
 from jaxgear._geometry._lines import contact_lines
 from jaxgear._response._dynamic import dynamic_transmission_error
 from jaxgear._system._flexible import FlexibleBody
@@ -60,7 +61,8 @@ def _pair(kind: str, count: int = MANY, coordinates: int = 8) -> PairDynamics:
 def _found(arms, loads, size, count):
     """Of two sections and modes, from arms at three places and loads on the cells."""
     seen = [jnp.asarray(loads @ each) for each in arms]
-    return _combinations(seen, jnp.asarray(size), 2, count)
+    size = jnp.asarray(size)
+    return _combinations(_energy(seen, size, 2), size, 2, count)
 
 
 def test_loads_that_coordinates_hold_excite_every_mode_as_without_them():
@@ -245,3 +247,34 @@ def test_teeth_are_a_part_of_the_mean_mesh(kind):
     assert np.linalg.eigvalsh(teeth).min() > -1e-12 * size
     assert np.linalg.eigvalsh(whole - teeth).min() > -1e-9 * size
     assert np.linalg.eigvalsh(whole - teeth).max() > 1e-3 * size
+
+
+# --- Damping, which must not change with their number
+
+
+def _over_masses(system, matrix) -> np.ndarray:
+    root = np.linalg.inv(np.linalg.cholesky(np.asarray(system.mass)))
+    return root @ np.asarray(matrix) @ root.T
+
+
+@pytest.mark.parametrize("coordinates", [4, 12])
+def test_damping_is_that_of_as_many_coordinates_as_always(coordinates):
+    system, usual = (_pair("helical", coordinates=each).system for each in (coordinates, 24))
+    apart = _over_masses(usual, system.damping - usual.damping)
+    # The hold of the free rotation, which is no damping of anything, is faster than all modes.
+    size = np.linalg.eigvalsh(_over_masses(usual, usual.damping))[-2]
+    assert np.abs(apart).max() < 1e-9 * size
+    mean, whole = (np.asarray(each.mesh_stiffness) for each in (system, usual))
+    assert np.abs(mean - whole).max() > 1e-5 * np.abs(whole).max()
+
+
+def test_damping_that_modes_exchange_is_in_marches_and_multipliers_too():
+    """A disturbance of the linear system dies out as in all of its own matrices."""
+    system = _pair("helical", coordinates=4).system
+    modes, speed = modal_basis(system), jnp.asarray(700.0)
+    rates = np.asarray(modes.shape.T @ system.rates_at(speed) @ modes.shape)
+    off = rates - np.asarray(speed * modes.shape.T @ system.gyroscopic @ modes.shape)
+    off -= np.diag(np.diagonal(off))
+    assert np.abs(off).max() > 1e-3 * np.median(np.asarray(modes.damping))
+    tied = np.diag(np.asarray(modes.damping)) + np.asarray(ties_of(system, modes, speed).whirl)
+    assert np.abs(tied - rates).max() < 1e-9 * np.abs(rates).max()
