@@ -88,9 +88,9 @@ def body_mesh(
     rest = (few.out_of.T @ held.outside)[None, :] - pressed @ give
     assert cells.coupling is not None
     moved = dataclasses.replace(cells, coupling=cells.coupling + beyond)
-    damped = mean
-    if coordinates != _DAMPED:
-        damped, _ = _mean(cycle, middle, held, whole, combined(_DAMPED))
+    damped, always = mean, _DAMPED if grid.periods == 1 else _DAMPED_OF_LONG
+    if coordinates != always:
+        damped, _ = _mean(cycle, middle, held, whole, combined(always))
     return MovingMesh(
         table=tabulated(grid, moved, gap, met, grown),
         mean=mean,
@@ -100,9 +100,9 @@ def body_mesh(
     )
 
 
-# Combinations of modes with which the mesh is there for the damping, however many move: damping
-# must not change with them (theory 8.5).
-_DAMPED = 24
+# So many combinations of modes the mesh has for the damping, however many move: it must not change
+# with them. In a cycle of many mesh periods there are more to tell apart (theory 8.5).
+_DAMPED, _DAMPED_OF_LONG = 24, 64
 
 # The middle of a step, among its three places.
 _MIDDLE_PLACE = 1
