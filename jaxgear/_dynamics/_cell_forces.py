@@ -1,13 +1,14 @@
 """Forces of the cells of a table: those in contact press, alone or through their common bodies."""
 
 import functools
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
 from jaxgear._contact._coupling import body_yield, share_with_body, shared_where_needed
-from jaxgear._dynamics._table import Mesh
+from jaxgear._dynamics._mesh import Mesh
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._types import (
     CellArms,
@@ -39,9 +40,32 @@ def cell_forces(mesh: Mesh, place: Coordinates, law: AbstractContactLaw) -> tupl
     free = mesh.arms @ place - mesh.gap
     if mesh.bearing is not None and mesh.coupling is not None and isinstance(law, ExactContact):
         none = mesh.arms[:, :0]
-        force, _ = _exact_forces(mesh.stiffness, mesh.coupling, free, none, mesh.bearing)
-        return force, free - body_yield(mesh.coupling, force)
+        own = mesh.stiffness, mesh.coupling, free, none, _if_all_bear(mesh, place, none)
+        return _exact_forces(*own)[:2]
     return _shared_forces(mesh.stiffness, mesh.coupling, free, law)
+
+
+class _IfAllBear(NamedTuple):
+    """The contact of cells if all of them bore.
+
+    **Fields:**
+
+    - `overlap`: of each [m].
+    - `columns`: overlaps per mesh coordinate [-, m].
+    - `inverse`: as of `WholeContact` [-].
+    """
+
+    overlap: Cells
+    columns: CellColumns
+    inverse: Coupling
+
+
+def _if_all_bear(mesh: Mesh, place: Coordinates, columns: CellColumns) -> _IfAllBear | None:
+    """The contact of cells that are ready, if all of them bore, with so many of the columns."""
+    if (found := mesh.bearing) is None:
+        return None
+    overlap = found.by_place @ place + found.at_zero
+    return _IfAllBear(overlap, found.by_place[:, : columns.shape[1]], found.inverse)
 
 
 def _shared_forces(
@@ -126,15 +150,15 @@ def _searched(
     free: Cells,
     arms: CellArms,
     symmetric: bool,
-    bearing: Coupling | None = None,
-) -> tuple[Cells, CellColumns]:
-    """Forces, and those per mesh coordinate with the contact of the step before the last.
+    borne: _IfAllBear | None = None,
+) -> tuple[Cells, Cells, CellColumns]:
+    """Forces, overlaps, and forces per coordinate with the contact of the step before the last.
 
-    Where all cells bear, `bearing` tells both.
+    Where all cells bear, `borne` tells all of it.
     """
 
-    def missing_at(force: Cells) -> tuple[Cells, Cells]:
-        compression, slope = _pressed(law, free - body_yield(coupling, force))
+    def missing_at(force: Cells, overlap: Cells) -> tuple[Cells, Cells]:
+        compression, slope = _pressed(law, overlap)
         return stiffness * compression - force, stiffness * slope
 
     def solved(tangent: Cells, missing: Cells, needed: Flag) -> CellColumns:
@@ -145,93 +169,81 @@ def _searched(
         return share_with_body(coupling, tangent, right, symmetric=False)
 
     def body(state):
-        force, missing, tangent, pushed, done, steps = state
+        force, overlap, pushed, done, steps = state
+        missing, tangent = missing_at(force, overlap)
         step = solved(tangent, missing, ~done)
         force = jnp.where(done, force, force + step[:, -1])
         pushed = jnp.where(done, pushed, step[:, :-1])
-        missing, tangent = missing_at(force)
-        return force, missing, tangent, pushed, done | is_found(missing), steps + 1
-
-    def is_found(missing: Cells) -> Flag:
-        return jnp.max(jnp.abs(missing)) <= _MISSING * jnp.max(stiffness * jnp.abs(free))
+        overlap = jnp.where(done, overlap, free - body_yield(coupling, force))
+        missing, _ = missing_at(force, overlap)
+        found = jnp.max(jnp.abs(missing)) <= _MISSING * jnp.max(stiffness * jnp.abs(free))
+        return force, overlap, pushed, done | found, steps + 1
 
     def unfinished(state):
-        return ~state[4] & (state[5] < _MOST_STEPS)
+        return ~state[3] & (state[4] < _MOST_STEPS)
 
-    none = jnp.zeros_like(free)
-    begin, pushed, done = none, jnp.zeros_like(arms), jnp.asarray(False)
-    if bearing is not None:
-        force = bearing @ (stiffness * free)
-        # Once more for what rounding leaves.
-        force = force + bearing @ missing_at(force)[0]
-        done = is_found(missing_at(force)[0]) & jnp.all(force >= 0.0)
-        begin = jnp.where(done, force, none)
-        pushed = jnp.where(done, bearing @ (stiffness[:, None] * arms), pushed)
-    first = begin, *missing_at(begin), pushed, done, 0
-    force, _, _, pushed, _, _ = jax.lax.while_loop(unfinished, body, first)
-    return force, pushed
+    force, overlap, pushed = jnp.zeros_like(free), free, jnp.zeros_like(arms)
+    done = jnp.asarray(False)
+    if borne is not None:
+        done = jnp.all((borne.overlap >= 0.0) | (stiffness == 0.0))
+        force = jnp.where(done, stiffness * borne.overlap, force)
+        overlap = jnp.where(done, borne.overlap, overlap)
+        pushed = jnp.where(done, stiffness[:, None] * borne.columns, pushed)
+    first = force, overlap, pushed, done, 0
+    force, overlap, pushed, _, _ = jax.lax.while_loop(unfinished, body, first)
+    return force, overlap, pushed
 
 
 @jax.custom_jvp
 def _exact_forces(
-    stiffness: Cells,
-    coupling: Coupling,
-    free: Cells,
-    arms: CellArms,
-    bearing: Coupling | None,
-) -> tuple[Cells, CellColumns]:
-    """Forces with exact contact, and those per mesh coordinate: by the factor of the last step.
+    stiffness: Cells, coupling: Coupling, free: Cells, arms: CellArms, borne: _IfAllBear | None
+) -> tuple[Cells, Cells, CellColumns]:
+    """As of `_searched` with exact contact, columns by the factor of the last step.
 
     The cells that were closed in it are those that are closed in the end.
     """
-    return _searched(ExactContact(), stiffness, coupling, free, arms, True, bearing)
+    return _searched(ExactContact(), stiffness, coupling, free, arms, True, borne)
 
 
 @_exact_forces.defjvp
 def _exact_forces_tangent(primals, tangents):
-    bearing = primals[4]
+    borne = primals[4]
 
     def one_by_one(stiffness, coupling, free, arms):
-        if bearing is None:
+        if borne is None:
             force = forces_between_all(ExactContact(), stiffness, coupling, free)
         else:
-            force = _forces_on_the_way(stiffness, coupling, free, bearing)
-        _, slope = _pressed(ExactContact(), free - body_yield(coupling, force))
-        return force, tangent_columns(stiffness * slope, coupling, arms)
+            force = _forces_on_the_way(stiffness, coupling, free, borne)
+        overlap = free - body_yield(coupling, force)
+        _, slope = _pressed(ExactContact(), overlap)
+        return force, overlap, tangent_columns(stiffness * slope, coupling, arms)
 
     return jax.jvp(one_by_one, primals[:4], tangents[:4])
 
 
 @jax.custom_jvp
 def _forces_on_the_way(
-    stiffness: Cells, coupling: Coupling, free: Cells, bearing: Coupling
+    stiffness: Cells, coupling: Coupling, free: Cells, borne: _IfAllBear
 ) -> Cells:
     """Forces with exact contact. Their derivatives, forward only, need no factor where all bear."""
-    return _exact_forces(stiffness, coupling, free, free[:, None][:, :0], bearing)[0]
+    none = borne._replace(columns=borne.columns[:, :0])
+    return _exact_forces(stiffness, coupling, free, free[:, None][:, :0], none)[0]
 
 
 @_forces_on_the_way.defjvp
 def _forces_on_the_way_tangent(primals, tangents):
-    stiffness, coupling, _, bearing = primals
+    stiffness, coupling, _, borne = primals
     force, law = _forces_on_the_way(*primals), ExactContact()
     change, slope = _change_at(force, (law, *primals[:3]), (law, *tangents[:3]))
+    whole = _bear(stiffness, slope)
     arms = change[:, None][:, :0]
-    return force, _shared_with_bearing(bearing, coupling, stiffness, slope, arms, change)[:, 0]
+    found = shared_where_needed(coupling, stiffness * slope, arms, change, ~whole)[:, 0]
+    return force, jnp.where(whole, borne.inverse @ change, found)
 
 
-def _shared_with_bearing(
-    bearing: Coupling,
-    coupling: Coupling,
-    stiffness: Cells,
-    closed: Cells,
-    arms: CellArms,
-    force: Cells,
-) -> CellColumns:
-    """As `shared_where_needed`, with so much of each cell closed: no factor where all are."""
-    whole = jnp.all((closed == 1.0) | (stiffness == 0.0))
-    found = shared_where_needed(coupling, stiffness * closed, arms, force, ~whole)
-    borne = bearing @ jnp.column_stack([stiffness[:, None] * arms, force])
-    return jnp.where(whole, borne, found)
+def _bear(stiffness: Cells, closed: Cells) -> Flag:
+    """Whether all cells bear, with so much of each closed."""
+    return jnp.all((closed == 1.0) | (stiffness == 0.0))
 
 
 def _pressed(law: AbstractContactLaw, overlap: Cells) -> tuple[Cells, Cells]:
@@ -264,8 +276,8 @@ def _pressed_cells(
     """Force and overlap of each cell, and the forces per mesh coordinate."""
     if isinstance(law, ExactContact) and mesh.coupling is not None and mesh.coupling.ndim == 2:
         free = mesh.arms @ place - mesh.gap
-        force, pushed = _exact_forces(mesh.stiffness, mesh.coupling, free, mesh.arms, mesh.bearing)
-        return force, free - body_yield(mesh.coupling, force), pushed
+        borne = _if_all_bear(mesh, place, mesh.arms)
+        return _exact_forces(mesh.stiffness, mesh.coupling, free, mesh.arms, borne)
     force, overlap = cell_forces(mesh, place, law)
     _, slope = _pressed(law, overlap)
     return force, overlap, tangent_columns(mesh.stiffness * slope, mesh.coupling, mesh.arms)
@@ -334,9 +346,11 @@ def mean_tangent(
     if middle.bearing is None or middle.coupling is None:
         columns = tangent_columns(middle.stiffness * closed, middle.coupling, middle.arms)
         return middle.arms.T @ columns
-    own = middle.bearing, middle.coupling, middle.stiffness
-    columns = _shared_with_bearing(*own, closed, middle.arms, jnp.zeros_like(closed))
-    return middle.arms.T @ columns[:, :-1]
+    whole, stiffness = _bear(middle.stiffness, closed), middle.stiffness
+    right = middle.arms, jnp.zeros_like(closed)
+    found = shared_where_needed(middle.coupling, stiffness * closed, *right, ~whole)[:, :-1]
+    borne = stiffness[:, None] * middle.bearing.by_place
+    return middle.arms.T @ jnp.where(whole, borne, found)
 
 
 def _overlaps(mesh: Mesh, place: Coordinates) -> tuple[Cells, CellColumns]:

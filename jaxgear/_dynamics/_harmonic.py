@@ -34,10 +34,11 @@ from jaxgear._dynamics._harmonic_problem import (
     motion_of_nodes,
     root_of,
 )
+from jaxgear._dynamics._mesh import Mesh
 from jaxgear._dynamics._orbit import AbstractMethod, Orbit, mesh_scales
 from jaxgear._dynamics._receptance import AbstractAnswers, answers_of
 from jaxgear._dynamics._system import DynamicSystem, ModalBasis, modal_basis
-from jaxgear._dynamics._table import END, MIDDLE, START, Mesh, MeshTable, mesh_at
+from jaxgear._dynamics._table import END, MIDDLE, START, MeshTable, mesh_at
 from jaxgear._dynamics._types import Start, StepPlaces, Terms, Waves
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._types import Coordinates, Scalar

@@ -15,8 +15,8 @@ import jax.numpy as jnp
 from jaxgear._dynamics._cell_forces import mean_load, mesh_load
 from jaxgear._dynamics._gmres import gmres
 from jaxgear._dynamics._harmonic_basis import HarmonicAnalysis, HarmonicValues, as_matrix
+from jaxgear._dynamics._mesh import Mesh
 from jaxgear._dynamics._orbit import derivative_if
-from jaxgear._dynamics._table import Mesh
 from jaxgear._dynamics._types import (
     HarmonicMatrices,
     StepMatrices,

@@ -8,6 +8,7 @@ from jaxtyping import Array
 
 from jaxgear._checks import require
 from jaxgear._dynamics._cell_forces import mesh_load
+from jaxgear._dynamics._mesh import Mesh
 from jaxgear._dynamics._pressing import (
     Pressing,
     load_at_nodes,
@@ -17,7 +18,7 @@ from jaxgear._dynamics._pressing import (
 )
 from jaxgear._dynamics._steppers import AbstractStepper
 from jaxgear._dynamics._system import DynamicSystem, ModalBasis
-from jaxgear._dynamics._table import END, MIDDLE, START, Mesh, mesh_at, mesh_within
+from jaxgear._dynamics._table import END, MIDDLE, START, mesh_at, mesh_within
 from jaxgear._dynamics._types import ModeValues, ModeVectors, Start
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._types import CoordinateMatrix, Coordinates, Reals, Scalar

@@ -5,9 +5,9 @@ import jax
 import jax.numpy as jnp
 
 from jaxgear._dynamics._cell_forces import forces_between_all, mean_load, mesh_load
+from jaxgear._dynamics._mesh import Mesh
 from jaxgear._dynamics._orbit import derivative_if
 from jaxgear._dynamics._system import DynamicSystem
-from jaxgear._dynamics._table import Mesh
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._solve._coordinates import small_solver
 from jaxgear._types import CoordinateMatrix, Coordinates, Scalar

@@ -9,17 +9,16 @@ middle, and where it ends: both limits of whatever jumps.
 import dataclasses
 import functools
 import operator
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
 from jaxgear._compiled import compiled
 from jaxgear._contact._cells import MeshCells, Misalignment, mesh_gap
-from jaxgear._contact._coupling import share_with_body
+from jaxgear._dynamics._mesh import Mesh
 from jaxgear._dynamics._types import (
     Edges,
     KeptCells,
@@ -52,8 +51,7 @@ class MeshTable(eqx.Module):
         places as the gap, or `None` [m s2].
     - `kept`: of each step, numbers of the cells that may be in contact; the others are left out of
         a `Mesh`. With `None` all are in it [-].
-    - `ready`: the cells at the start, in the middle and at the end of each step, each with
-        `bearing`, from `ready_to_bear`; or `None`.
+    - `ready`: the cells with their `bearing`, from `ready_to_bear`; or `None`.
     """
 
     edges: Edges
@@ -65,7 +63,7 @@ class MeshTable(eqx.Module):
     kinds: tuple[int, ...] = eqx.field(static=True)
     growth: PlaceCells | None = None
     kept: KeptCells | None = None
-    ready: "tuple[Mesh, Mesh, Mesh] | None" = None
+    ready: "ReadyMeshes | None" = None
 
     @property
     def lengths(self) -> Reals:
@@ -95,43 +93,17 @@ class MeshTable(eqx.Module):
         return jax.vmap(place)(self.kept, values)
 
 
-class Mesh(eqx.Module):
-    """The cells at one instant, or at each of many on a leading axis.
+class ReadyMeshes(NamedTuple):
+    """Cells that are `ready` at the start, in the middle and at the end of each step.
 
     **Fields:**
 
-    - `stiffness`: of each cell [N/m].
-    - `gap`: of each cell [m].
-    - `arms`: $W$ [-, m].
-    - `coupling`: between the lines of each slice, or all cells, or `None` [m/N].
-    - `growth`: approach of each cell by rotation, per square of the speed, or `None` [m s2].
-    - `bearing`: $(I + KC)^{-1}$, which tells the forces of cells where all of them bear, or `None`
-        [-].
+    - `mean`: with the stiffness of the middle all over the step, as of `mesh_at`.
+    - `own`: with the stiffness of the instant, as of `mesh_within`.
     """
 
-    stiffness: Reals
-    gap: Reals
-    arms: Reals
-    coupling: Reals | None
-    growth: Reals | None = None
-    bearing: Reals | None = None
-
-    def at(self, speed: Scalar) -> "Mesh":
-        """The same cells as rotation brings them closer, at a speed of the pinion [rad/s]."""
-        if self.growth is None:
-            return self
-        return dataclasses.replace(self, gap=self.gap - speed**2 * self.growth, growth=None)
-
-    def among(self, kept: Array) -> "Mesh":
-        """Some of the cells at one instant, which are all coupled, by their numbers."""
-        assert self.coupling is not None
-        return Mesh(
-            stiffness=self.stiffness[kept],
-            gap=self.gap[kept],
-            arms=self.arms[kept],
-            coupling=self.coupling[kept[:, None], kept[None, :]],
-            growth=None if self.growth is None else self.growth[kept],
-        )
+    mean: tuple[Mesh, Mesh, Mesh]
+    own: tuple[Mesh, Mesh, Mesh]
 
 
 START, MIDDLE, END = PLACES = 0.0, 0.5, 1.0
@@ -250,22 +222,14 @@ def mesh_at(table: MeshTable, part: float) -> Mesh:
     The cells that may be in contact, `step` leading. Between the three places of the table a
     parabola is laid.
     """
-    if part == MIDDLE and table.ready is not None:
-        return table.ready[PLACES.index(MIDDLE)]
+    if part in PLACES and table.ready is not None:
+        return table.ready.mean[PLACES.index(part)]
     shares = place_shares(part)
     # A zero is left out, so that places cost nothing.
     used = [i for i, share in enumerate(shares) if share != 0.0]
     between = lambda x: functools.reduce(operator.add, [shares[i] * x[i] for i in used])
     growth = None if table.growth is None else between(table.growth)
     gap, arms = between(table.gap), between(table.arms)
-    if table.ready is not None:
-        # Bodies and stiffness are those of the middle all over the step.
-        among = lambda x: (
-            x if table.kept is None else jax.vmap(lambda own, at: own[at])(x, table.kept)
-        )
-        gap, arms, growth = jax.tree.map(among, (gap, arms, growth))
-        middle = table.ready[PLACES.index(MIDDLE)]
-        return dataclasses.replace(middle, gap=gap, arms=arms, growth=growth)
     mesh = Mesh(table.stiffness, gap, arms, table.coupling, growth)
     return mesh if table.kept is None else jax.vmap(Mesh.among)(mesh, table.kept)
 
@@ -293,23 +257,25 @@ def ready_to_bear(table: MeshTable) -> MeshTable:
     cells = table.stiffness.shape[1] if table.kept is None else table.kept.shape[1]
     if len(table.kinds) * cells**2 > _MOST_READY:
         return table
-    start, middle, end = _ready(table)
+    middle, *others = _readied(table)
+    assert middle.bearing is not None
     # One array for what is the same at all places.
-    alike = [dataclasses.replace(x, coupling=middle.coupling) for x in (start, end)]
-    return dataclasses.replace(table, ready=(alike[0], middle, alike[1]))
+    inverse, coupling = middle.bearing.inverse, middle.coupling
+    begin, end, first, last = (dataclasses.replace(x, coupling=coupling) for x in others)
+    begin, end = (eqx.tree_at(lambda x: x.bearing.inverse, each, inverse) for each in (begin, end))
+    ready = ReadyMeshes(mean=(begin, middle, end), own=(first, middle, last))
+    return dataclasses.replace(table, ready=ready)
 
 
 @compiled
-def _ready(table: MeshTable) -> tuple[Mesh, Mesh, Mesh]:
-    def inverse(mesh: Mesh) -> Reals:
-        assert mesh.coupling is not None
-        return share_with_body(mesh.coupling, mesh.stiffness, jnp.eye(mesh.stiffness.size))
-
-    start, middle, end = (
-        dataclasses.replace(mesh, bearing=jax.vmap(inverse)(mesh))
-        for mesh in (mesh_within(table, START), mesh_at(table, MIDDLE), mesh_within(table, END))
-    )
-    return start, middle, end
+def _readied(table: MeshTable) -> list[Mesh]:
+    """The middle; both ends with its stiffness; both with their own."""
+    ready = jax.vmap(lambda mesh: mesh.ready())
+    return [
+        ready(mesh_at(table, MIDDLE)),
+        *(ready(mesh_at(table, part)) for part in (START, END)),
+        *(ready(mesh_within(table, part)) for part in (START, END)),
+    ]
 
 
 _Part = TypeVar("_Part", float, Scalar)
@@ -344,7 +310,7 @@ def mesh_within(table: MeshTable, part: float) -> Mesh:
     The cells, `step` leading.
     """
     if part in PLACES and table.ready is not None:
-        return table.ready[PLACES.index(part)]
+        return table.ready.own[PLACES.index(part)]
     kinds = np.asarray(table.kinds)
     steps = np.arange(kinds.size)
     before, after = np.maximum(steps - 1, 0), np.minimum(steps + 1, kinds.size - 1)

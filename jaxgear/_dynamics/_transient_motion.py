@@ -11,9 +11,10 @@ from jaxtyping import Array, Float
 
 from jaxgear._dynamics._bodies import TurningTerms
 from jaxgear._dynamics._cell_forces import cell_forces, mesh_load
+from jaxgear._dynamics._mesh import Mesh
 from jaxgear._dynamics._schedule import Pieces, Schedule, pieces_of
 from jaxgear._dynamics._system import DynamicSystem
-from jaxgear._dynamics._table import Mesh, MeshTable, place_shares
+from jaxgear._dynamics._table import MeshTable, place_shares
 from jaxgear._dynamics._types import FreeMotions, Matrix, Vector, Vectors
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._solve._coordinates import on_coordinates

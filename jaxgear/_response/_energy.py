@@ -24,8 +24,9 @@ from jaxgear._compiled import compiled
 from jaxgear._contact._coupling import body_yield
 from jaxgear._dynamics._cell_forces import cell_forces
 from jaxgear._dynamics._march import TimeHistory
+from jaxgear._dynamics._mesh import Mesh
 from jaxgear._dynamics._system import DynamicSystem
-from jaxgear._dynamics._table import END, Mesh, mesh_at, repeated
+from jaxgear._dynamics._table import END, mesh_at, repeated
 from jaxgear._dynamics._types import Matrix, Motion, Series
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._types import Coordinates, Scalar

@@ -15,6 +15,7 @@ import jaxgear as jg
 from jaxgear._dynamics import _pressing
 from jaxgear._dynamics._march import TimeStepping, at_rest, quasi_static_start, time_history
 from jaxgear._dynamics._march_step import rule_of
+from jaxgear._dynamics._mesh import Mesh
 from jaxgear._dynamics._pressing import Pressing, pressed
 from jaxgear._dynamics._steady_state import steady_state
 from jaxgear._dynamics._steppers import (
@@ -25,7 +26,6 @@ from jaxgear._dynamics._steppers import (
     Newmark,
 )
 from jaxgear._dynamics._system import modal_basis
-from jaxgear._dynamics._table import Mesh
 from jaxgear._response._energy import energies
 
 STEPPERS = {
@@ -271,7 +271,8 @@ def test_contact_of_cells_that_are_all_coupled():
     given = coupling + arms @ yields @ arms.T
 
     def ours(place):
-        mesh = Mesh(*(jnp.asarray(x) for x in (stiffness, 0.0 * stiffness, arms, coupling)))
+        own: Any = (jnp.asarray(x) for x in (stiffness, 0.0 * stiffness, arms, coupling))
+        mesh = Mesh(*own)
         zero, one = jnp.zeros(width), jnp.asarray(1.0)
         nothing = jnp.zeros((width, width))
         problem = Pressing(

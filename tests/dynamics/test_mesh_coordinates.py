@@ -273,6 +273,7 @@ def test_damping_that_modes_exchange_is_in_marches_and_multipliers_too():
     system = _pair("helical", coordinates=4).system
     modes, speed = modal_basis(system), jnp.asarray(700.0)
     rates = np.asarray(modes.shape.T @ system.rates_at(speed) @ modes.shape)
+    assert system.gyroscopic is not None
     off = rates - np.asarray(speed * modes.shape.T @ system.gyroscopic @ modes.shape)
     off -= np.diag(np.diagonal(off))
     assert np.abs(off).max() > 1e-3 * np.median(np.asarray(modes.damping))

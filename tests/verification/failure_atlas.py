@@ -37,6 +37,7 @@ from jaxgear._dynamics._continuation import continuation
 from jaxgear._dynamics._floquet import floquet_multipliers, monodromy
 from jaxgear._dynamics._harmonic import HarmonicBalance, harmonic_balance_problem
 from jaxgear._dynamics._march import TimeStepping, at_rest, quasi_static_start, time_history
+from jaxgear._dynamics._mesh import Mesh
 from jaxgear._dynamics._orbit import AbstractMethod
 from jaxgear._dynamics._pressing import Pressing, pressed
 from jaxgear._dynamics._shooting import Shooting
@@ -50,7 +51,7 @@ from jaxgear._dynamics._steppers import (
 from jaxgear._dynamics._sweep import sweep
 from jaxgear._dynamics._sweep_types import Direction, SweepPoint
 from jaxgear._dynamics._system import DynamicSystem, modal_basis
-from jaxgear._dynamics._table import Mesh, MeshTable
+from jaxgear._dynamics._table import MeshTable
 from jaxgear._interface._laws import ExactContact, SmoothContact
 from jaxgear._solve._contact import SolverSettings, contact_state
 from jaxgear._solve._contact_problem import ContactProblem
