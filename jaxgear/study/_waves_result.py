@@ -182,7 +182,9 @@ def _largest_waves(dataset: xr.Dataset, gear: str) -> list[Summary]:
     found = []
     for wave, number in enumerate(dataset[f"{gear}_diameters"].values):
         own = total[:, :, wave]
-        way, place = np.unravel_index(int(np.argmax(own)), own.shape)
+        # Rounding must not choose between directions that found the same.
+        largest = own >= (1.0 - 1e-9) * own.max()
+        way, place = np.unravel_index(int(np.argmax(largest)), own.shape)
         found.append(
             {
                 "nodal_diameters": int(number),
