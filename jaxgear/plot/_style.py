@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Annotation
-from matplotlib.ticker import LogFormatterSciNotation, MaxNLocator
+from matplotlib.ticker import LogFormatterSciNotation, MaxNLocator, NullLocator
 from matplotlib.transforms import Bbox, ScaledTranslation
 
 from jaxgear._whole_file import whole_file
@@ -92,9 +92,16 @@ def write_picture(draw: Callable[[], Figure], png: Path, svg: Path) -> None:
 _DPI, _COMPRESSION = 150, 1
 
 
+# Where an axis shows more decades, ticks between them are too close to be told apart, and take as
+# long to draw as all the rest.
+_DECADES = 3.5
+
+
 def _plain_decades(axes: Axes) -> None:
     """Decades as 0.1, 1, 10: letters that read as formulas take longest of all to draw."""
-    for axis in (axes.xaxis, axes.yaxis):
+    for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
+        if axis.get_scale() == "log" and abs(np.log10(high / low)) > _DECADES:
+            axis.set_minor_locator(NullLocator())
         if isinstance(axis.get_major_formatter(), LogFormatterSciNotation):
             axis.set_major_formatter("{x:g}")
         if isinstance(axis.get_minor_formatter(), LogFormatterSciNotation):
