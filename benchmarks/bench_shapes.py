@@ -167,6 +167,7 @@ def estimator(built, pair, method) -> Callable[[float, Any], dict[str, float]]:
     """What tells of a response at a speed about how far off its numbers are [%]."""
     import dataclasses
 
+    from jaxgear import harmonic_balance_problem
     from jaxgear._dynamics._table import ready_to_bear
     from jaxgear.study._body_waves import wave_watch
     from jaxgear.study._shape_check import Again, judging_bodies, least_error
@@ -177,7 +178,8 @@ def estimator(built, pair, method) -> Callable[[float, Any], dict[str, float]]:
     table = ready_to_bear(pair.system.table)
     system = dataclasses.replace(pair.system, table=table)
     pair, orders = dataclasses.replace(pair, system=system), built.scene.sweep.orders
-    again = Again(method, pair, wholes, orders, least_error(pair))
+    balance = harmonic_balance_problem(method, system)
+    again = Again(method, pair, balance, wholes, orders, least_error(pair))
 
     def about(speed: float, orbit: Any) -> dict[str, float]:
         own = again.read(again.pair, orbit)

@@ -11,6 +11,8 @@ cancels; in the linear part it makes Newton's method converge from the quasi-sta
 Derivatives are those of the solution, by the implicit function theorem.
 """
 
+import dataclasses
+
 import equinox as eqx
 import jax.numpy as jnp
 
@@ -157,6 +159,22 @@ class Balance(eqx.Module):
     def count(self) -> int:
         """Number of harmonics of the response's own frequency."""
         return (self.middle.shape[1] - 1) // 2
+
+    def with_cells(self, table: MeshTable) -> "Balance":
+        """The same of a mesh whose cells have other gaps.
+
+        **Arguments:**
+
+        - `table`: as that of the system, but for its gaps.
+
+        **Returns:**
+
+        The balance.
+        """
+        parts = (START, MIDDLE, END) if len(self.samples) > 1 else (MIDDLE,)
+        samples = tuple(mesh_at(table, part) for part in parts)
+        system = dataclasses.replace(self.system, table=table)
+        return dataclasses.replace(self, system=system, samples=samples)
 
     def at_speed(self, speed: Scalar) -> tuple["Problem", AbstractAnswers]:
         """The balance at one speed, and what the structure answers to mesh loads.

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxgear._contact._root_influence import Influences
-from jaxgear._dynamics._harmonic import HarmonicBalance, harmonic_balance_problem
+from jaxgear._dynamics._harmonic import Balance, HarmonicBalance, harmonic_balance_problem
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._dynamics._table import ready_to_bear
@@ -120,7 +120,11 @@ def shape_check(
     ready = ready_to_bear(pair.system.table)
     moving = eqx.tree_at(lambda each: each.system.table, pair, ready)
     least = least_error(pair)
-    again = Again(method, moving, wholes, scene.sweep.orders, least, dynamics.statics.influences)
+    balance, influences = (
+        harmonic_balance_problem(method, moving.system),
+        dynamics.statics.influences,
+    )
+    again = Again(method, moving, balance, wholes, scene.sweep.orders, least, influences)
     own = [found.responses[found.main][place].numbers for place in chosen]
     ratios = [float(one.dynamic_ratio) for one in own]
     better = [again.better(*each) for each in zip(found.speeds[chosen], ratios, strict=True)]
@@ -161,6 +165,7 @@ class Again(NamedTuple):
 
     - `method`: of the sweep.
     - `pair`: in motion, made `ready_to_bear`.
+    - `balance`: of its responses.
     - `wholes`: its bodies on many modes, by index.
     - `orders`: of the mesh that the sweep measures.
     - `least`: RMS of transmission error of which nobody needs a part [m].
@@ -169,6 +174,7 @@ class Again(NamedTuple):
 
     method: HarmonicBalance
     pair: PairDynamics
+    balance: Balance
     wholes: Mapping[int, WholeBody]
     orders: int
     least: float
@@ -214,7 +220,7 @@ class Again(NamedTuple):
         self, pair: PairDynamics, speed: Scalar, left: LeftOut | None, near: Terms | None
     ) -> tuple[Orbit, Terms]:
         """A response under loads of what is left out, from harmonics close by or from rest."""
-        balance = harmonic_balance_problem(self.method, pair.system)
+        balance = self.balance.with_cells(pair.system.table)
         if left is not None:
             balance = dataclasses.replace(balance, beside=jnp.asarray(left.load))
         return self.method.solve(balance, speed, balance.rest if near is None else near)
