@@ -262,20 +262,22 @@ def ready_to_bear(table: MeshTable) -> MeshTable:
     # One array for what is the same at all places.
     inverse, coupling = middle.bearing.inverse, middle.coupling
     begin, end, first, last = (dataclasses.replace(x, coupling=coupling) for x in others)
-    begin, end = (eqx.tree_at(lambda x: x.bearing.inverse, each, inverse) for each in (begin, end))
+    begin, end = (eqx.tree_at(_inverse, each, inverse) for each in (begin, end))
     ready = ReadyMeshes(mean=(begin, middle, end), own=(first, middle, last))
     return dataclasses.replace(table, ready=ready)
 
 
+_inverse = lambda mesh: mesh.bearing.inverse
+
+
 @compiled
 def _readied(table: MeshTable) -> list[Mesh]:
-    """The middle; both ends with its stiffness; both with their own."""
+    """The middle; both ends with its stiffness; both with their own. Without what is in it too."""
     ready = jax.vmap(lambda mesh: mesh.ready())
-    return [
-        ready(mesh_at(table, MIDDLE)),
-        *(ready(mesh_at(table, part)) for part in (START, END)),
-        *(ready(mesh_within(table, part)) for part in (START, END)),
-    ]
+    mean, own = ([ready(read(table, x)) for x in (START, END)] for read in (mesh_at, mesh_within))
+    others = [*(eqx.tree_at(_inverse, x, jnp.zeros(0)) for x in mean), *own]
+    alone = [dataclasses.replace(x, coupling=None) for x in others]
+    return [ready(mesh_at(table, MIDDLE)), *alone]
 
 
 _Part = TypeVar("_Part", float, Scalar)
