@@ -77,15 +77,15 @@ def body_mesh(
     whole = _in_all(middle, held, beam_bow(mounted))
     few = combined(coordinates)
     mean, beyond = _mean(cycle, middle, held, whole, few)
-    met, give = jnp.stack([x.by(few.into) for x in at_cells]), few.out_of.T @ held.give @ few.out_of
+    met = jnp.stack([x.by(few.into) for x in at_cells])
     seats, kept = jnp.stack([x.seats for x in at_cells]), met[_MIDDLE_PLACE]
+    grown = growth + seats @ held.spun[: held.count] - met @ (few.out_of.T @ held.spun)
     # Loads from outside and heat move the cells as they do at rest, by what coordinates leave out
     # too. What heat does with the seats held is all in `heated`.
-    grown = growth + seats @ held.spun[: held.count] - met @ (few.out_of.T @ held.spun)
     moved_out = seats @ held.outside[: held.count]
     gap = gap - heated - (moved_out - met @ (few.out_of.T @ held.outside))
     pressed = jnp.sum(kept * cycle.force[:, :, None], axis=1)
-    rest = (few.out_of.T @ held.outside)[None, :] - pressed @ give
+    rest = (few.out_of.T @ held.outside)[None, :] - pressed @ held.give_of(few)
     assert cells.coupling is not None
     moved = dataclasses.replace(cells, coupling=cells.coupling + beyond)
     damped, always = mean, _DAMPED if grid.periods == 1 else _DAMPED_OF_LONG
@@ -132,8 +132,8 @@ def _mean(
 ) -> tuple[MeanMesh, DenseCouplingGrid]:
     """The mean mesh on some coordinates, and what cells give beyond these."""
     assert cycle.cells.coupling is not None
-    arms, give = cells.by(few.into), few.out_of.T @ held.give @ few.out_of
-    beyond = whole - _between(arms, give)
+    arms = cells.by(few.into)
+    beyond = whole - _between(arms, held.give_of(few))
     coupling, vectors = cycle.cells.coupling + beyond, held.vectors @ few.out_of
     # The bodies have their share in what the mean stores, however few of their modes move.
     return mean_mesh(cycle, coupling, arms, vectors, cells.feet + beyond), beyond
@@ -211,6 +211,10 @@ class _HeldStructure(NamedTuple):
     sections: int
     count: int
     weights: Array
+
+    def give_of(self, few: "_Combinations") -> Array:
+        """Of mesh coordinates per load on them."""
+        return few.out_of.T @ self.give @ few.out_of
 
 
 def _held(mounted: PairSystem, bodies: list[VibratingBody]) -> _HeldStructure:
