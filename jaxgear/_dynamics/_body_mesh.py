@@ -8,7 +8,6 @@ cells, so that statics is as it was.
 import dataclasses
 import functools
 import operator
-from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -19,7 +18,7 @@ from jaxtyping import Array
 
 from jaxgear._contact._cells import MeshCells, mesh_gap
 from jaxgear._dynamics._bodies import VibratingBody
-from jaxgear._dynamics._moving_mesh import MeanMesh, MovingMesh, beam_bow, mean_mesh
+from jaxgear._dynamics._moving_mesh import BodyGive, MovingMesh, beam_bow, mean_mesh
 from jaxgear._dynamics._table import at_places, tabulated
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
@@ -73,10 +72,10 @@ def body_mesh(
     growth = jnp.stack([x.growth for x in at_cells])
     heated = jnp.stack([x.heated for x in at_cells])
     held, middle = _held(mounted, bodies), at_cells[_MIDDLE_PLACE]
-    combined = _choice(at_cells, _loads(cycle), held)
-    whole = _in_all(middle, held, beam_bow(mounted))
-    few = combined(coordinates)
-    mean, beyond = _mean(cycle, middle, held, whole, few)
+    few = _choice(at_cells, _loads(cycle), held, coordinates)
+    beyond = _in_all(middle, held, beam_bow(mounted)) - _between(
+        middle.by(few.into), held.give_of(few)
+    )
     met = jnp.stack([x.by(few.into) for x in at_cells])
     seats, kept = jnp.stack([x.seats for x in at_cells]), met[_MIDDLE_PLACE]
     grown = growth + seats @ held.spun[: held.count] - met @ (few.out_of.T @ held.spun)
@@ -88,21 +87,15 @@ def body_mesh(
     rest = (few.out_of.T @ held.outside)[None, :] - pressed @ held.give_of(few)
     assert cells.coupling is not None
     moved = dataclasses.replace(cells, coupling=cells.coupling + beyond)
-    damped, always = mean, _DAMPED if grid.periods == 1 else _DAMPED_OF_LONG
-    if coordinates != always:
-        damped, _ = _mean(cycle, middle, held, whole, combined(always))
+    # The bodies have their share in what the mean stores, however few of their modes move.
+    gives = BodyGive(middle.feet + beyond, held.modes_give_of(few))
     return MovingMesh(
         table=tabulated(grid, moved, gap, met, grown),
-        mean=mean,
-        damped=damped,
+        mean=mean_mesh(cycle, moved.coupling, kept, held.vectors @ few.out_of, gives),
         rest=rest.at[:, 0].add(cycle.approach),
         left_out=few.left_out,
     )
 
-
-# So many combinations of modes the mesh has for the damping, however many move: it must not change
-# with them. In a cycle of many mesh periods there are more to tell apart (theory 8.5).
-_DAMPED, _DAMPED_OF_LONG = 24, 64
 
 # The middle of a step, among its three places.
 _MIDDLE_PLACE = 1
@@ -121,22 +114,6 @@ def _in_all(cells: "_AtCells", held: "_HeldStructure", bow: Array | None) -> Den
     # It has no mass either: beams and shafts bend by their nodes, and so in mesh coordinates.
     own = bow[: held.sections, : held.sections]
     return whole + _between(cells.seats[:, :, : held.sections], own)
-
-
-def _mean(
-    cycle: MeshCycle,
-    cells: "_AtCells",
-    held: "_HeldStructure",
-    whole: DenseCouplingGrid,
-    few: "_Combinations",
-) -> tuple[MeanMesh, DenseCouplingGrid]:
-    """The mean mesh on some coordinates, and what cells give beyond these."""
-    assert cycle.cells.coupling is not None
-    arms = cells.by(few.into)
-    beyond = whole - _between(arms, held.give_of(few))
-    coupling, vectors = cycle.cells.coupling + beyond, held.vectors @ few.out_of
-    # The bodies have their share in what the mean stores, however few of their modes move.
-    return mean_mesh(cycle, coupling, arms, vectors, cells.feet + beyond), beyond
 
 
 def _others(body: FlexibleBody) -> np.ndarray:
@@ -215,6 +192,11 @@ class _HeldStructure(NamedTuple):
     def give_of(self, few: "_Combinations") -> Array:
         """Of mesh coordinates per load on them."""
         return few.out_of.T @ self.give @ few.out_of
+
+    def modes_give_of(self, few: "_Combinations") -> Array:
+        """Of mesh coordinates per load on them by modes alone, the seats held."""
+        own = few.out_of[self.count :]
+        return own.T @ (jnp.diagonal(self.give)[self.count :, None] * own)
 
 
 def _held(mounted: PairSystem, bodies: list[VibratingBody]) -> _HeldStructure:
@@ -301,19 +283,13 @@ def _loads(cycle: MeshCycle) -> Array:
     return jnp.concatenate([rest[:, None, :], moving], axis=1)
 
 
-def _choice(
-    cells: list[_AtCells], loads: Array, held: _HeldStructure
-) -> Callable[[int], _Combinations]:
-    """What gives so many combinations of modes for loads on the cells at all places."""
+def _choice(cells: list[_AtCells], loads: Array, held: _HeldStructure, count: int) -> _Combinations:
+    """So many combinations of modes for loads on the cells at all places."""
     alone = jnp.diagonal(held.give)
     size = jnp.sqrt(alone) * held.weights
     energy = _energy([x.under(loads) for x in cells], size, held.sections)
-
-    def combined(count: int) -> _Combinations:
-        few = _combinations(energy, size, held.sections, count)
-        return _of_unit_strain(few, alone, held.sections)
-
-    return combined
+    few = _combinations(energy, size, held.sections, count)
+    return _of_unit_strain(few, alone, held.sections)
 
 
 def _energy(loads: list[Array], size: Array, sections: int) -> Array:

@@ -68,8 +68,6 @@ class Rule(eqx.Module):
 class Ties(eqx.Module):
     r"""Forces that tie modes together at one speed: gyroscopic ones, and those of turning bodies.
 
-    And the damping that modes exchange, where a system has condensed bodies.
-
     **Fields:**
 
     - `whirl`: modal load lost per velocity, or `None` [1/s].
@@ -85,10 +83,9 @@ class Ties(eqx.Module):
 def ties_of(system: DynamicSystem, modes: ModalBasis, speed: Scalar) -> Ties:
     """Forces between the modes of a system at a speed of the pinion [rad/s]."""
     on_modes = lambda matrix: modes.shape.T @ matrix @ modes.shape
+    whirl = None if system.gyroscopic is None else speed * on_modes(system.gyroscopic)
     if system.turning is None:
-        whirl = None if system.gyroscopic is None else speed * on_modes(system.gyroscopic)
         return Ties(whirl, None, modes.load)
-    whirl = on_modes(system.rates_at(speed)) - jnp.diag(modes.damping)
     stiffens = on_modes(system.turning.stiffness_at(speed))
     return Ties(whirl, stiffens, modes.shape.T @ system.load_at(speed))
 

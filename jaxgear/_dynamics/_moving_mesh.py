@@ -47,6 +47,19 @@ class MeanMesh(NamedTuple):
         return rows @ self.stiffness @ rows.T, rows @ teeth @ rows.T
 
 
+class BodyGive(NamedTuple):
+    """What condensed bodies give to loads on the flanks.
+
+    **Fields:**
+
+    - `cells`: between cells, all of the bodies but what is in the coordinates [m/N].
+    - `coordinates`: of the coordinates per load on them, by modes of the bodies, the seats held.
+    """
+
+    cells: DenseCouplingGrid
+    coordinates: CoordinateMatrix
+
+
 class MovingMesh(NamedTuple):
     """The mesh of a pair in motion.
 
@@ -54,7 +67,6 @@ class MovingMesh(NamedTuple):
 
     - `table`: of the cells.
     - `mean`: the spring on the mesh coordinates about which it is linear.
-    - `damped`: the spring of whose modes the damping is made.
     - `rest`: mesh coordinates of the quasi-static states, `[phase, coordinate]`.
     - `bow`: what bodies give between their nodes, or `None`: nothing.
     - `left_out`: part of the motion under loads on the flanks that the mesh coordinates leave out,
@@ -63,7 +75,6 @@ class MovingMesh(NamedTuple):
 
     table: MeshTable
     mean: MeanMesh
-    damped: MeanMesh
     rest: StepPlaces
     bow: CoordinateMatrix | None = None
     left_out: Scalar | float = 0.0
@@ -87,11 +98,9 @@ def node_mesh(
     """
     table = mesh_table(mounted, cycle.cells, grid, model.flanks, model.misalignment)
     vectors = _onto(mounted, mounted.vectors)
-    mean = mean_mesh(cycle, table.coupling, table.middle_arms, vectors)
     return MovingMesh(
         table=table,
-        mean=mean,
-        damped=mean,
+        mean=mean_mesh(cycle, table.coupling, table.middle_arms, vectors),
         rest=_rest(mounted, cycle),
         bow=beam_bow(mounted),
     )
@@ -124,7 +133,6 @@ def mesh_with_back_flanks(
     whole = MovingMesh(
         table=with_back_flanks(met.table, others),
         mean=mean,
-        damped=mean,
         rest=jnp.concatenate([met.rest, _back_rest(mounted, cycle, turned)], axis=1),
         bow=None if met.bow is None else both(met.bow, met.bow),
     )
@@ -136,9 +144,13 @@ def mean_mesh(
     coupling: StepCoupling | None,
     arms: CellArmGrid,
     vectors: Array,
-    bodies: DenseCouplingGrid | None = None,
+    bodies: BodyGive | None = None,
 ) -> MeanMesh:
-    """The mean over a cycle of the stiffness of the cells in contact.
+    r"""The mean over a cycle of the stiffness of the cells in contact.
+
+    Beside condensed bodies it is the spring with which the modes answer a load that stays as they
+    do, on the mean over the cycle, with the cells (theory 8.5). The mean of the stiffness itself
+    would rise with the number of modes, and hold a wheel that turns on all of its rim at once.
 
     **Arguments:**
 
@@ -146,7 +158,7 @@ def mean_mesh(
     - `coupling`: between its cells, as of `MeshTable` [m/N].
     - `arms`: of the cells, on some coordinates.
     - `vectors`: these coordinates per degree of freedom, `[dof, coordinate]`.
-    - `bodies`: part of the coupling that is none of the teeth, or `None`: nothing [m/N].
+    - `bodies`: what condensed bodies give, or `None`: there are none.
 
     **Returns:**
 
@@ -154,10 +166,19 @@ def mean_mesh(
     """
     closed = jnp.where(cycle.overlap > 0.0, cycle.cells.stiffness, 0.0)
     pushed = jax.vmap(tangent_columns)(closed, coupling, arms)
-    mean = _mean(cycle, jax.vmap(on_coordinates_all)(arms, pushed))
+    each = jax.vmap(on_coordinates_all)(arms, pushed)
     if bodies is None:
-        return MeanMesh(vectors, mean)
-    teeth = mean - _mean(cycle, jnp.swapaxes(pushed, 1, 2) @ bodies @ pushed)
+        return MeanMesh(vectors, _mean(cycle, each))
+    teeth = each - jnp.swapaxes(pushed, 1, 2) @ bodies.cells @ pushed
+    one, give = jnp.eye(each.shape[1]), bodies.coordinates
+    # Where the coordinates are when their modes have given way, per place from which they do.
+    left = jnp.linalg.inv(one[None] + give @ each)
+    stays = _mean(cycle, each @ left)
+    back = jnp.linalg.inv(one - give @ stays)
+    mean, teeth = (
+        stays @ back,
+        back.T @ _mean(cycle, jnp.swapaxes(left, 1, 2) @ teeth @ left) @ back,
+    )
     return MeanMesh(vectors, 0.5 * (mean + mean.T), 0.5 * (teeth + teeth.T))
 
 

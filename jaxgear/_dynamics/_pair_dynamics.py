@@ -145,7 +145,7 @@ def _in_motion(
     )
     damping, active = _split(damping, active_mesh_damping)
     mass, stiffness = (among(matrix) for matrix in matrices_with(mounted, bodies, size))
-    meshed, teeth = met.damped.among(dofs)
+    meshed, teeth = met.mean.among(dofs)
     held = _held(mass, stiffness + meshed, teeth, of(_rigid_rotation(mounted)), damping)
     turning = turning_terms(bodies, size, damping, whole=gyroscopic) if bodies else None
     whirl = None if turning is None else turning.gyroscopic

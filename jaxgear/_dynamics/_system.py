@@ -132,8 +132,7 @@ class ModalBasis(eqx.Module):
 
     - `square`: $\omega^2$ of each mode [rad2/s2].
     - `shape`: $\Phi$ [kg^-1/2, kg^-1/2 m^-1].
-    - `damping`: $2\xi\omega$ of each mode; what modes of condensed bodies exchange goes with
-        the gyroscopic forces [1/s].
+    - `damping`: $2\xi\omega$ of each mode [1/s].
     - `mesh`: $\Phi^TV$ [kg^-1/2].
     - `load`: $\Phi^TF$ [N kg^-1/2].
     """
@@ -155,8 +154,7 @@ def modal_basis(system: DynamicSystem) -> ModalBasis:
 
     **Arguments:**
 
-    - `system`: with damping that its modes do not exchange, as of every `AbstractDamping`, but
-        where it has condensed bodies.
+    - `system`: with damping that its modes do not exchange, as of every `AbstractDamping`.
 
     **Returns:**
 
@@ -183,21 +181,16 @@ def _modal_basis(system: DynamicSystem) -> tuple[ModalBasis, Scalar]:
     lower = jnp.linalg.cholesky(system.mass)
     stiffness = per_mass(lower, system.whole_stiffness)
     damping = per_mass(lower, system.damping)
-    if system.turning is None:
-        # Both have the same vectors, if the modes exchange no damping; where frequencies meet, the
-        # damping tells their modes apart.
-        total = jnp.trace(damping)
-        share = 0.1 * jnp.trace(stiffness) / jnp.where(total > 0.0, total, 1.0)
-        _, vectors = jnp.linalg.eigh(stiffness + share * damping)
-    else:
-        _, vectors = jnp.linalg.eigh(stiffness)
+    # Both have the same vectors, if the modes exchange no damping; where frequencies meet, the
+    # damping tells their modes apart.
+    total = jnp.trace(damping)
+    share = 0.1 * jnp.trace(stiffness) / jnp.where(total > 0.0, total, 1.0)
+    _, vectors = jnp.linalg.eigh(stiffness + share * damping)
     shape = jax.scipy.linalg.solve_triangular(lower, vectors, lower=True, trans=1)
     square = jnp.sum(vectors * (stiffness @ vectors), axis=0)
     modal = vectors.T @ damping @ vectors
     diagonal = jnp.diagonal(modal)
-    exchanged = _mixed(vectors.T @ stiffness @ vectors)
-    if system.turning is None:
-        exchanged = jnp.maximum(exchanged, _mixed(modal))
+    exchanged = jnp.maximum(_mixed(modal), _mixed(vectors.T @ stiffness @ vectors))
     modes = ModalBasis(
         square=square,
         shape=shape,

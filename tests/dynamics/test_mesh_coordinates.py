@@ -15,11 +15,10 @@ import jaxgear as jg
 from jaxgear._dynamics._body_mesh import _combinations, _energy, _leading, _of_unit_strain
 from jaxgear._dynamics._damping import ModalDamping
 from jaxgear._dynamics._harmonic import HarmonicBalance
-from jaxgear._dynamics._march_step import ties_of
 from jaxgear._dynamics._modes import Modes, pair_modes
 from jaxgear._dynamics._pair_dynamics import pair_dynamics
 from jaxgear._dynamics._steady_state import steady_states
-from jaxgear._dynamics._system import PairDynamics, modal_basis
+from jaxgear._dynamics._system import PairDynamics
 from jaxgear._geometry._lines import contact_lines
 from jaxgear._response._dynamic import dynamic_transmission_error
 from jaxgear._system._flexible import FlexibleBody
@@ -221,8 +220,7 @@ def test_damping_of_the_tooth_mode_does_not_wait_for_modes_of_the_body(kind):
     """What the body gives beside few modes is not in its teeth: few tell the ratio of many."""
     found = {}
     for count in (12, MANY):
-        # As many coordinates as damping has: else modes exchange a little of it.
-        dynamics = _pair(kind, count, coordinates=24)
+        dynamics = _pair(kind, count)
         modes = pair_modes(dynamics)
         share, parts = np.asarray(modes.mesh), np.asarray(modes.parts)
         tooth = int(np.argmax(share))
@@ -250,33 +248,70 @@ def test_teeth_are_a_part_of_the_mean_mesh(kind):
     assert np.linalg.eigvalsh(whole - teeth).max() > 1e-3 * size
 
 
-# --- Damping, which must not change with their number
+# --- The mean mesh, which must not change with modes or coordinates
 
 
-def _over_masses(system, matrix) -> np.ndarray:
-    root = np.linalg.inv(np.linalg.cholesky(np.asarray(system.mass)))
-    return root @ np.asarray(matrix) @ root.T
+def _at_phases(dynamics: PairDynamics) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Stiffness of the mesh on the modes of the body at each phase, and that of its teeth."""
+    system, closed = dynamics.system, np.asarray(dynamics.cycle.overlap) > 0.0
+    table, on_modes = system.table, np.asarray(system.vectors)[_mode_rows(dynamics)]
+    stiffness, coupling = np.asarray(table.stiffness), np.asarray(table.coupling)
+    arms, found = np.asarray(table.middle_arms), []
+    for phase, held in enumerate(closed):
+        springs = np.diag(1.0 / stiffness[phase][held])
+        pushed = np.linalg.solve(springs + coupling[phase][np.ix_(held, held)], arms[phase][held])
+        both = arms[phase][held].T @ pushed, pushed.T @ springs @ pushed
+        found.append(tuple(on_modes @ each @ on_modes.T for each in both))
+    return found
 
 
-@pytest.mark.parametrize("coordinates", [4, 12])
-def test_damping_is_that_of_as_many_coordinates_as_always(coordinates):
-    system, usual = (_pair("helical", coordinates=each).system for each in (coordinates, 24))
-    apart = _over_masses(usual, system.damping - usual.damping)
-    # The hold of the free rotation, which is no damping of anything, is faster than all modes.
-    size = np.linalg.eigvalsh(_over_masses(usual, usual.damping))[-2]
-    assert np.abs(apart).max() < 1e-9 * size
-    mean, whole = (np.asarray(each.mesh_stiffness) for each in (system, usual))
-    assert np.abs(mean - whole).max() > 1e-5 * np.abs(whole).max()
+def _mode_rows(dynamics: PairDynamics) -> np.ndarray:
+    """Which degrees of freedom are modes of the body."""
+    (place,) = dynamics.bodies
+    return np.flatnonzero(np.isin(dynamics.dofs, place.mode_dofs))
 
 
-def test_damping_that_modes_exchange_is_in_marches_and_multipliers_too():
-    """A disturbance of the linear system dies out as in all of its own matrices."""
-    system = _pair("helical", coordinates=4).system
-    modes, speed = modal_basis(system), jnp.asarray(700.0)
-    rates = np.asarray(modes.shape.T @ system.rates_at(speed) @ modes.shape)
-    assert system.gyroscopic is not None
-    off = rates - np.asarray(speed * modes.shape.T @ system.gyroscopic @ modes.shape)
-    off -= np.diag(np.diagonal(off))
-    assert np.abs(off).max() > 1e-3 * np.median(np.asarray(modes.damping))
-    tied = np.diag(np.asarray(modes.damping)) + np.asarray(ties_of(system, modes, speed).whirl)
-    assert np.abs(tied - rates).max() < 1e-9 * np.abs(rates).max()
+@every_kind
+def test_the_mean_mesh_gives_as_the_cycle_does_on_the_mean(kind):
+    """With the seats held, and loads on the modes that stay: their motion, energy in the teeth."""
+    dynamics = _pair(kind)
+    system, rows = dynamics.system, _mode_rows(dynamics)
+    # Without the spring that holds the free rotation.
+    modes, each = _wheel(kind, MANY).modes, _at_phases(dynamics)
+    assert modes is not None
+    own = np.diag(np.asarray(modes.square))
+    weight = np.asarray(dynamics.cycle.cells.lines.weight)
+    gives = [np.linalg.inv(own + whole) for whole, _ in each]
+    stored = [give @ teeth @ give for give, (_, teeth) in zip(gives, each, strict=True)]
+    on_modes = np.asarray(system.vectors)[rows]
+    give = np.linalg.inv(own + on_modes @ np.asarray(system.mean) @ on_modes.T)
+    teeth = give @ on_modes @ np.asarray(system.teeth_part) @ on_modes.T @ give
+    for found, phases in ((give, gives), (teeth, stored)):
+        mean = np.einsum("p,pij->ij", weight, np.stack(phases))
+        # Measured by the modes: the first move a million times as far as the last.
+        size = np.sqrt(np.diagonal(mean))
+        assert np.abs((found - mean) / np.outer(size, size)).max() < 1e-9
+
+
+def _ratios(dynamics: PairDynamics) -> np.ndarray:
+    """Of the slowest modes."""
+    return np.asarray(pair_modes(dynamics).damping_ratio)[: MANY // 4]
+
+
+@pytest.mark.parametrize(("coordinates", "most"), [(4, 3e-3), (8, 1e-4), (12, 1e-5)])
+def test_damping_does_not_change_with_mesh_coordinates(coordinates, most):
+    few, many = (_ratios(_pair("helical", coordinates=each)) for each in (coordinates, 24))
+    assert np.abs(few / many - 1.0).max() < most
+    assert many.max() > 0.03
+
+
+@pytest.mark.slow
+@every_kind
+def test_damping_and_frequencies_do_not_change_with_modes_of_the_body(kind):
+    """But by the inertia of modes eight times as fast, at most."""
+    few, many = (pair_modes(_pair(kind, count)) for count in (MANY // 2, MANY))
+    slow = slice(MANY // 8)
+    assert few.damping_ratio is not None
+    assert many.damping_ratio is not None
+    for found, exact in ((few.damping_ratio, many.damping_ratio), (few.frequency, many.frequency)):
+        assert np.abs(np.asarray(found)[slow] / np.asarray(exact)[slow] - 1.0).max() < 1e-3
