@@ -268,7 +268,10 @@ def test_interruption_ends_the_command_while_it_computes(tmp_path, monkeypatch):
         connection.request("POST", "/curve", b"{}", {"X-Token": token})
         time.sleep(1.0)
         running.send_signal(signal.SIGINT)
-        _, told = running.communicate(timeout=30.0)
+        try:
+            _, told = running.communicate(timeout=30.0)
+        finally:
+            running.kill()
         connection.close()
     assert (running.returncode, told) == (0, b"")
 

@@ -412,7 +412,8 @@ def test_a_wheel_with_holes_moves_on_natural_modes_and_more_of_them_judge(tmp_pa
     np.testing.assert_array_equal(wheel.basis.square, natural.square[:count])
     judge, into = wheel.more_modes
     assert into.shape == (len(judge.modes.waves), count)
-    assert len(judge.modes.waves) in (39, 40)
+    # Twice as many, or one less: a pair is not parted.
+    assert len(judge.modes.waves) in (2 * count - 1, 2 * count)
     own = wheel.flexible.modes.square
     np.testing.assert_allclose(into.T @ judge.modes.square, own, rtol=1e-12)
     # Its 24 teeth stand on four sectors alike after 6 of them, waves that alternate after 12.
