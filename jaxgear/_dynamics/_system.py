@@ -46,7 +46,8 @@ class DynamicSystem(eqx.Module):
     - `load`: $F$, constant [N, N m].
     - `bow`: $B$, what bodies give between their nodes per mesh load, or `None`: nothing
         [m/N, 1/N, 1/(N m)].
-    - `mean`: mean mesh stiffness on the mesh coordinates [N/m, N, N m].
+    - `mean`: mean mesh stiffness on the mesh coordinates, beside condensed bodies with which their
+        modes give as much as over the cycle on the mean (theory 8.5) [N/m, N, N m].
     - `table`: the cells over one cycle.
     - `cell_damping`: $\eta$ of closed cells, which press with $k(\Delta + \eta W\dot n)$, $n$ the
         nodes' mesh coordinates, or `None`; not together with `bow` [s].

@@ -47,11 +47,15 @@ _made = eqx.filter_jit(
 )
 
 
-@functools.cache
-def _pair(kind: str, count: int = MANY, coordinates: int = 8) -> PairDynamics:
+def _model(kind: str, count: int, torque: float = 20.0) -> PairModel:
     others: dict[str, Any] = {"pinion_support": ROUND, "wheel_support": ROUND}
     others |= {"flanks": relieved(), "compliance": APART, "wheel_body": _wheel(kind, count)}
-    return _made(PairModel(PAIRS[kind](), 20.0, **others), _grid(kind), coordinates)
+    return PairModel(PAIRS[kind](), torque, **others)
+
+
+@functools.cache
+def _pair(kind: str, count: int = MANY, coordinates: int = 8) -> PairDynamics:
+    return _made(_model(kind, count), _grid(kind), coordinates)
 
 
 # --- Which motions the mesh tells apart
@@ -253,10 +257,11 @@ def test_teeth_are_a_part_of_the_mean_mesh(kind):
 
 def _at_phases(dynamics: PairDynamics) -> list[tuple[np.ndarray, np.ndarray]]:
     """Stiffness of the mesh on the modes of the body at each phase, and that of its teeth."""
-    system, closed = dynamics.system, np.asarray(dynamics.cycle.overlap) > 0.0
-    table, on_modes = system.table, np.asarray(system.vectors)[_mode_rows(dynamics)]
+    system, table = dynamics.system, dynamics.system.table
     stiffness, coupling = np.asarray(table.stiffness), np.asarray(table.coupling)
+    on_modes = np.asarray(system.vectors)[_mode_rows(dynamics)]
     arms, found = np.asarray(table.middle_arms), []
+    closed = (np.asarray(dynamics.cycle.overlap) > 0.0) & (stiffness > 0.0)
     for phase, held in enumerate(closed):
         springs = np.diag(1.0 / stiffness[phase][held])
         pushed = np.linalg.solve(springs + coupling[phase][np.ix_(held, held)], arms[phase][held])
@@ -315,3 +320,32 @@ def test_damping_and_frequencies_do_not_change_with_modes_of_the_body(kind):
     assert many.damping_ratio is not None
     for found, exact in ((few.damping_ratio, many.damping_ratio), (few.frequency, many.frequency)):
         assert np.abs(np.asarray(found)[slow] / np.asarray(exact)[slow] - 1.0).max() < 1e-3
+
+
+@pytest.mark.slow
+def test_responses_peak_at_the_frequency_of_the_tooth_mode():
+    """The second mesh harmonic sweeps across it, under a load that keeps the teeth in contact."""
+    model, damping = _model("helical", MANY, 1000.0), ModalDamping(0.01, 0.01)
+    dynamics = pair_dynamics(model, _grid("helical"), damping, mesh_coordinates=8)
+    system, modes = dynamics.system, pair_modes(dynamics)
+    tooth = int(np.argmax(np.asarray(modes.mesh)))
+    frequency = 2.0 * np.pi * float(modes.frequency[tooth])
+    places = frequency * np.linspace(0.97, 1.03, 31)
+    speeds = jnp.asarray(places / (2.0 * system.teeth))
+    orbits = steady_states(system, speeds, HarmonicBalance(harmonics=5))
+    assert np.asarray(orbits.settled).all()
+    on_mode = np.asarray(modes.shape)[:, tooth] @ np.asarray(system.mass)
+    line = np.abs(np.fft.rfft(np.asarray(orbits.motion) @ on_mode, axis=1)[:, 2])
+    top = int(np.argmax(line))
+    around = slice(top - 1, top + 2)
+    bend, slope, _ = np.polyfit(places[around] - places[top], line[around] ** -2.0, 2)
+    peak = places[top] - 0.5 * slope / bend
+    # By the mean of the stiffness it would be further off.
+    rows, weight = _mode_rows(dynamics), dynamics.cycle.cells.lines.weight
+    each = [float(w) * whole for w, (whole, _) in zip(weight, _at_phases(dynamics), strict=True)]
+    stiffer = np.sum(each, axis=0) - np.asarray(system.mesh_stiffness)[np.ix_(rows, rows)]
+    shape = np.asarray(modes.shape)[rows, tooth]
+    with_it = frequency * (1.0 + 0.5 * shape @ stiffer @ shape / frequency**2)
+    assert abs(frequency / peak - 1.0) < 4e-3
+    assert with_it - frequency > 2e-3 * frequency
+    assert frequency > peak
