@@ -16,7 +16,7 @@ import pytest
 import scipy.linalg
 from fem_cases import assert_near
 from helpers import observed_order
-from hybrid_cases import PAIRS, ROUND, TEETH, Turning, _pressed, relieved, vibrating
+from hybrid_cases import APART, PAIRS, ROUND, TEETH, Turning, _pressed, relieved, vibrating
 
 import jaxgear as jg
 from jaxgear._contact._cells import mesh_gap
@@ -53,6 +53,7 @@ def _model(phases: int) -> PairModel:
         PAIRS["spur"](),
         20.0,
         flanks=relieved(),
+        compliance=APART,
         pinion_support=ROUND,
         wheel_support=ROUND,
         wheel_body=body,
