@@ -105,7 +105,7 @@ class Scene(AbstractTables):
 
         And where holes pass by, each tooth in another way.
         """
-        short, long = ((24, 40), (40, 72))[bool(self.plain.pair.helix_angle_deg)]
+        short, long = ((24, 40), (40, 150))[bool(self.plain.pair.helix_angle_deg)]
         return max(self.at_mesh, long if self.mesh.periods > 1 else short)
 
     @cached_property

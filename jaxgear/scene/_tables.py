@@ -128,8 +128,8 @@ class ModelKeys(AbstractKeys):
     )
     mesh_coordinates: int | None = key(
         "combinations of these that the mesh tells apart; 8 unless said, of helical teeth 24; "
-        "where a cycle has many mesh periods 16 and 28, of natural modes 16 and 64",
-        "[4, 100]",
+        "where a cycle has many mesh periods 16 and 28, of natural modes 16 and 100",
+        "[4, 400]",
     )
 
     def shape_count(self, helix: float, periods: int, bodies: int) -> int:
@@ -154,7 +154,7 @@ class ModelKeys(AbstractKeys):
             return self.mesh_coordinates
         if periods == 1:
             return 24 if helix else 8
-        return (64 if self.shapes == "natural" else 28) if helix else 16
+        return (100 if self.shapes == "natural" else 28) if helix else 16
 
     fidelity: Literal["as given", "auto"] = key(
         "choice of the model; auto: run, map, optimise and sweep first compare models, and take "

@@ -405,7 +405,7 @@ def test_a_wheel_with_holes_moves_on_natural_modes_and_more_of_them_judge(tmp_pa
     path.write_text(_SCENE.replace("web_offset_mm = 2 }", _HOLES))
     settings = ["model.coordinates=20", "pair.helix_angle_deg=12"]
     scene = with_bodies(read_scene(path, settings), moving=True)
-    assert (scene.model.shapes, scene.at_mesh) == ("natural", 64)
+    assert (scene.model.shapes, scene.at_mesh) == ("natural", 100)
     (wheel,) = scene.bodies.values()
     natural, count = wheel.natural, len(wheel.basis.square)
     assert count in (19, 20)

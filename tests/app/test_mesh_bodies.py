@@ -137,10 +137,10 @@ def test_helical_teeth_over_holes_keep_natural_modes_unless_the_scene_says():
         scene = _mesh_bodies._unsaid(scene, changes)
         return scene.model.shapes, scene.shape_count, scene.at_mesh
 
-    natural, excited = ("natural", 800, 64), ("excited", 250, 28)
+    natural, excited = ("natural", 800, 100), ("excited", 250, 28)
     assert kept() == natural
     # Who names natural modes has as many as on other bodies, however long the cycle turns out.
-    assert kept('model.shapes="natural"') == ("natural", 100, 64)
+    assert kept('model.shapes="natural"') == ("natural", 100, 100)
     assert kept("model.coordinates=90", "model.mesh_coordinates=24") == ("natural", 90, 24)
     assert kept('model.shapes="excited"') == excited
     # Spur teeth load few waves.

@@ -343,7 +343,7 @@ def test_leaning_teeth_tell_more_motions_of_a_body_apart(write):
     assert lean.replace({"model.mesh_coordinates": 9}).at_mesh == 9
     assert (scene.at_mesh_of_reference, lean.at_mesh_of_reference) == (24, 40)
     assert scene.replace({"mesh.periods": 3}).at_mesh_of_reference == 40
-    assert lean.replace({"mesh.periods": 3}).at_mesh_of_reference == 72
+    assert lean.replace({"mesh.periods": 3}).at_mesh_of_reference == 150
     assert lean.replace({"model.mesh_coordinates": 50}).at_mesh_of_reference == 50
 
 
