@@ -174,11 +174,9 @@ def mean_mesh(
     # Where the coordinates are when their modes have given way, per place from which they do.
     left = jnp.linalg.inv(one[None] + give @ each)
     stays = _mean(cycle, each @ left)
+    in_teeth = _mean(cycle, jnp.swapaxes(left, 1, 2) @ teeth @ left)
     back = jnp.linalg.inv(one - give @ stays)
-    mean, teeth = (
-        stays @ back,
-        back.T @ _mean(cycle, jnp.swapaxes(left, 1, 2) @ teeth @ left) @ back,
-    )
+    mean, teeth = stays @ back, back.T @ in_teeth @ back
     return MeanMesh(vectors, 0.5 * (mean + mean.T), 0.5 * (teeth + teeth.T))
 
 
