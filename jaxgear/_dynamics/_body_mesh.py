@@ -73,18 +73,20 @@ def body_mesh(
     heated = jnp.stack([x.heated for x in at_cells])
     held, middle = _held(mounted, bodies), at_cells[_MIDDLE_PLACE]
     few = _choice(at_cells, _loads(cycle), held, coordinates)
-    beyond = _in_all(middle, held, beam_bow(mounted)) - _between(
-        middle.by(few.into), held.give_of(few)
-    )
     met = jnp.stack([x.by(few.into) for x in at_cells])
-    seats, kept = jnp.stack([x.seats for x in at_cells]), met[_MIDDLE_PLACE]
+    seats, kept, give = (
+        jnp.stack([x.seats for x in at_cells]),
+        met[_MIDDLE_PLACE],
+        held.give_of(few),
+    )
+    beyond = _in_all(middle, held, beam_bow(mounted)) - _between(kept, give)
     grown = growth + seats @ held.spun[: held.count] - met @ (few.out_of.T @ held.spun)
     # Loads from outside and heat move the cells as they do at rest, by what coordinates leave out
     # too. What heat does with the seats held is all in `heated`.
     moved_out = seats @ held.outside[: held.count]
     gap = gap - heated - (moved_out - met @ (few.out_of.T @ held.outside))
     pressed = jnp.sum(kept * cycle.force[:, :, None], axis=1)
-    rest = (few.out_of.T @ held.outside)[None, :] - pressed @ held.give_of(few)
+    rest = (few.out_of.T @ held.outside)[None, :] - pressed @ give
     assert cells.coupling is not None
     moved = dataclasses.replace(cells, coupling=cells.coupling + beyond)
     # The bodies have their share in what the mean stores, however few of their modes move.
