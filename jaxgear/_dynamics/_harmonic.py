@@ -43,7 +43,7 @@ from jaxgear._dynamics._system import DynamicSystem, ModalBasis, modal_basis
 from jaxgear._dynamics._table import END, MIDDLE, START, MeshTable, mesh_at
 from jaxgear._dynamics._types import Start, StepPlaces, Terms, Waves
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
-from jaxgear._types import Coordinates, Scalar
+from jaxgear._types import Coordinates, Reals, Scalar
 
 
 class HarmonicBalance(AbstractMethod):
@@ -339,7 +339,6 @@ def _transforms(
     return begin, middle, end, analysis
 
 
-@compiled
 def fourier_coefficients(balance: Balance, places: StepPlaces) -> Terms:
     """Harmonics of a response that was found by any method on the same time steps.
 
@@ -365,5 +364,11 @@ def fourier_coefficients(balance: Balance, places: StepPlaces) -> Terms:
         found=found,
         steps=steps,
     )
-    place = jnp.tile(places, (steps // found, 1))
-    return closest_terms(balance.middle, balance.system.table.lengths, place).T
+    return _closest(balance.middle, balance.system.table.lengths, places)
+
+
+@compiled
+def _closest(values: HarmonicValues, lengths: Reals, places: StepPlaces) -> Terms:
+    """Harmonics closest to a response that is repeated; a whole balance is slow to pass."""
+    place = jnp.tile(places, (values.shape[0] // places.shape[0], 1))
+    return closest_terms(values, lengths, place).T

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from jaxgear._checks import require
-from jaxgear._compiled import compiled, lasting
+from jaxgear._compiled import compiled, lasting, lasting_rare
 from jaxgear._dynamics._cell_forces import mesh_load
 from jaxgear._dynamics._march_step import Carried, March, march_of
 from jaxgear._dynamics._orbit import AbstractMethod, Orbit, bears_load, without_derivatives
@@ -156,7 +156,7 @@ def at_rest(system: DynamicSystem) -> Start:
     return jnp.zeros((2, system.load.size))
 
 
-@compiled
+@lasting_rare
 def quasi_static_start(system: DynamicSystem) -> Start:
     """The state at vanishing speed where the cycle begins.
 

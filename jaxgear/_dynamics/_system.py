@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import jax.scipy.linalg
 
 from jaxgear._checks import require
-from jaxgear._compiled import compiled
+from jaxgear._compiled import lasting_rare
 from jaxgear._dynamics._bodies import (
     BodyPlace,
     TurningTerms,
@@ -176,7 +176,7 @@ def modal_basis(system: DynamicSystem) -> ModalBasis:
     return modes
 
 
-@compiled
+@lasting_rare
 def _modal_basis(system: DynamicSystem) -> tuple[ModalBasis, Scalar]:
     """The modes, and the largest energy that damping exchanges between two, over their own [-]."""
     lower = jnp.linalg.cholesky(system.mass)

@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxgear._compiled import compiled
+from jaxgear._compiled import compiled, lasting_rare
 from jaxgear._contact._cells import MeshCells, Misalignment, mesh_gap
 from jaxgear._dynamics._mesh import Mesh
 from jaxgear._dynamics._types import (
@@ -270,7 +270,7 @@ def ready_to_bear(table: MeshTable) -> MeshTable:
 _inverse = lambda mesh: mesh.bearing.inverse
 
 
-@compiled
+@lasting_rare
 def _readied(table: MeshTable) -> list[Mesh]:
     """The middle; both ends with its stiffness; both with their own. Without what is in it too."""
     ready = jax.vmap(lambda mesh: mesh.ready())
