@@ -15,6 +15,7 @@ from matplotlib.ticker import MaxNLocator
 
 from jaxgear.plot._labels import Label, write_labels, write_rays
 from jaxgear.plot._palette import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY
+from jaxgear.plot._picture import GEARS
 from jaxgear.plot._speed_axes import frequency_unit, mesh_rays, runs, speed_axes
 from jaxgear.plot._style import legend_below, panels
 
@@ -39,10 +40,10 @@ def campbell(dataset: xr.Dataset, critical: xr.Dataset) -> Figure:
     rays = mesh_rays(dataset, unit)
     for ray in rays:
         axes.plot(*ray.T, zorder=1.9, **_RAYS)
-    curves = _draw_waves(axes, dataset, frequency / unit)
+    curves = _draw_waves(axes, dataset, frequency / unit, _goes_on(dataset))
     axes.set_ylabel(f"natural frequency seen from space [{name}]")
     shown = _draw_critical(axes, dataset, critical, "frequency_space_Hz", rays, [*rays, *curves])
-    _legend(figure, np.unique(dataset["nodal_diameter"].values), shown, harmonics=True)
+    _legend(figure, dataset, np.unique(dataset["nodal_diameter"].values), shown, harmonics=True)
     return figure
 
 
@@ -69,12 +70,26 @@ def _colour(diameters: int) -> str:
     return ("#a8a8a8", "black")[diameters] if diameters < 2 else _WAVES[(diameters - 2) % 8]
 
 
+def _goes_on(dataset: xr.Dataset) -> np.ndarray:
+    """Whether a mode goes on from each speed to the next as it is seen from space.
+
+    Between holes a mode is of several waves, each with a frequency of its own from there. Where
+    another one leads the frequency leaps by a turn of the gear at least.
+    """
+    step = np.diff(dataset["frequency_Hz"].values, axis=0)
+    around = np.pad(step, ((1, 1), (0, 0)), "reflect")
+    leap = np.abs(step - 0.5 * (around[:-2] + around[2:]))
+    teeth = np.array([dataset.attrs[f"teeth_{gear}"] for gear in GEARS])
+    turns = (teeth[0] / teeth)[dataset["gear"].values[1:]] * dataset["speed"].values[1:, None]
+    return leap <= 0.5 * turns / (2.0 * np.pi)
+
+
 def _draw_waves(
-    axes: Axes, dataset: xr.Dataset, frequency: np.ndarray, *, joined: bool = True
+    axes: Axes, dataset: xr.Dataset, frequency: np.ndarray, goes_on: np.ndarray
 ) -> list[np.ndarray]:
     """Every mode in pieces of one leading wave and direction; all curves.
 
-    Where the leading wave changes, pieces are joined or not.
+    Where the leading wave changes, pieces are joined if the mode goes on.
     """
     speed, curves = dataset["speed"].values, []
     diameters, direction = dataset["nodal_diameter"].values, dataset["direction"].values
@@ -83,7 +98,7 @@ def _draw_waves(
         for _, first, last in runs(kinds):
             n, way = int(diameters[first, mode]), int(direction[first, mode])
             # Up to where the next piece begins.
-            on = joined or bool(diameters[min(last + 1, len(own) - 1), mode] == n)
+            on = last + 1 < len(own) and bool(goes_on[last, mode])
             part = slice(first, last + 1 + on)
             look: dict[str, Any] = {"color": _colour(n), "ls": _STYLES[way]}
             look["lw"] = 1.4 if n >= 2 else 0.9
@@ -120,9 +135,19 @@ def _label_critical(
         write_labels(axes, labels, lines, points=places, drop=True)
 
 
-def _legend(figure: Figure, numbers: np.ndarray, shown: xr.Dataset, *, harmonics: bool) -> None:
+def _legend(
+    figure: Figure,
+    dataset: xr.Dataset,
+    numbers: np.ndarray,
+    shown: xr.Dataset,
+    *,
+    harmonics: bool,
+) -> None:
     handles = [Line2D([], [], color=_colour(int(n)), lw=1.6, label=f"n = {n}") for n in numbers]
-    for way, words in ((1, "forward, F"), (-1, "backward, B")):
+    ways = {1: "forward, F", -1: "backward, B"}
+    if (dataset["direction"].values == 2).any():
+        ways[2] = "both: stands on the body"
+    for way, words in ways.items():
         handles.append(Line2D([], [], color=GREY, lw=1.4, ls=_STYLES[way], label=words))
     if harmonics:
         handles.append(Line2D([], [], label="mesh harmonics", **_RAYS))
@@ -150,7 +175,8 @@ def campbell_on_body(dataset: xr.Dataset, critical: xr.Dataset, gear: str) -> Fi
     speed, teeth = dataset["speed"].values, int(dataset.attrs["teeth_pinion"])
     own = dataset["frequency_body_Hz"].values
     unit, name = frequency_unit(float(np.max(np.abs(dataset["frequency_Hz"].values[0]))))
-    curves = _draw_waves(axes, dataset, own / unit, joined=False)
+    same = np.diff(dataset["nodal_diameter"].values, axis=0) == 0
+    curves = _draw_waves(axes, dataset, own / unit, same)
     turned = teeth / dataset.attrs[f"teeth_{gear}"] * speed / (2.0 * np.pi * unit)
     number = dataset.attrs[f"teeth_{gear}"]
     waves = np.unique(dataset["nodal_diameter"].values[np.isfinite(own)])
@@ -164,7 +190,7 @@ def campbell_on_body(dataset: xr.Dataset, critical: xr.Dataset, gear: str) -> Fi
                 axes.plot(speed, ray, zorder=1.8, alpha=0.8 if harmonic == 1 else 0.35, **look)
     axes.set_ylabel(f"natural frequency on the {gear} [{name}]")
     shown = _draw_critical(axes, dataset, critical, "frequency_body_Hz", rays, curves)
-    _legend(figure, waves, shown, harmonics=False)
+    _legend(figure, dataset, waves, shown, harmonics=False)
     orders = f"thin lines: orders h x {number} - n (F) and h x {number} + n (B) of the {gear}"
     axes.set_title(orders, loc="left", fontsize=9)
     return figure

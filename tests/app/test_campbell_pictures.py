@@ -109,6 +109,28 @@ def test_pictures_of_waves_and_their_data():
     assert "on the wheel" in second.get_ylabel()
 
 
+def test_a_line_ends_where_another_wave_leads_elsewhere_in_space():
+    turning = turning_dataset(_waves(), 1).assign_attrs(title="waves")
+    # From speed 20 on the mode is led by a wave of four diameters; from space that leaps between
+    # holes, and does not on a whole wheel, where it is another name for the same motion.
+    turned = turning["speed"].values * 0.5 / (2.0 * np.pi)
+    turning["nodal_diameter"].values[20:, 2] = 4
+    critical = critical_dataset(_waves()).assign_attrs(title="waves")
+
+    def ends(frequency: np.ndarray) -> set[float]:
+        turning["frequency_Hz"].values[:, 2] = frequency
+        picture = next(iter(plot.pictures({"campbell": turning, "critical": critical})))
+        lines = [np.asarray(line.get_xdata(), float) for line in picture.draw().axes[0].lines]
+        return {float(x[-1]) for x in lines if x.size > 2}
+
+    whole = ends(2000.0 + 2.0 * turned)
+    assert 1000.0 in whole
+    assert 950.0 not in whole
+    leaping = ends(2000.0 + np.where(np.arange(31) < 20, 2.0, 4.0) * turned)
+    assert 950.0 in leaping
+    assert 1000.0 not in leaping
+
+
 def test_modes_beyond_those_of_a_body_are_refused(tmp_path):
     path = tmp_path / "scene.toml"
     path.write_text(
