@@ -364,11 +364,11 @@ def fourier_coefficients(balance: Balance, places: StepPlaces) -> Terms:
         found=found,
         steps=steps,
     )
-    return _closest(balance.middle, balance.system.table.lengths, places)
+    place = places if steps == found else jnp.tile(places, (steps // found, 1))
+    return _closest(balance.middle, balance.system.table.lengths, place)
 
 
 @compiled
-def _closest(values: HarmonicValues, lengths: Reals, places: StepPlaces) -> Terms:
-    """Harmonics closest to a response that is repeated; a whole balance is slow to pass."""
-    place = jnp.tile(places, (values.shape[0] // places.shape[0], 1))
+def _closest(values: HarmonicValues, lengths: Reals, place: StepPlaces) -> Terms:
+    """Harmonics closest to a response in mid-steps; a whole balance is slow to pass."""
     return closest_terms(values, lengths, place).T
