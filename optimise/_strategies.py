@@ -49,7 +49,6 @@ def multi_start(
     **Raises:**
 
     - `FloatingPointError` if no candidate can be evaluated, or a search meets one that cannot.
-    - `ValueError` if the number of candidates is no power of two.
     """
     chosen = best_starts(objective, box, candidates=candidates, starts=starts, seed=seed)
     found = [search(objective, start, box, **settings) for start in chosen]
@@ -70,9 +69,9 @@ def best_starts(
 
     - `objective`: traceable by JAX.
     - `box`: bounds.
-    - `candidates`: points of Sobol's sequence, all evaluated in one call; a power of two.
+    - `candidates`: points of Kronecker's sequence, all evaluated in one call.
     - `starts`: how many to take: the best, and the next best that are apart.
-    - `seed`: of the scrambling.
+    - `seed`: of the sequence's first point.
 
     **Returns:**
 
@@ -81,9 +80,8 @@ def best_starts(
     **Raises:**
 
     - `FloatingPointError` if no candidate can be evaluated.
-    - `ValueError` if the number of candidates is no power of two.
     """
-    unit = sobol(len(box.lower), candidates, seed)
+    unit = kronecker(len(box.lower), candidates, seed)
     points = box.from_unit(unit)
     values = batched(objective)(points)
     if not np.isfinite(values).any():
@@ -99,6 +97,30 @@ def best_starts(
         if np.isfinite(values[place]) and len(chosen) < starts and not any(near):
             chosen.append(int(place))
     return points[chosen]
+
+
+def kronecker(dimension: int, count: int, seed: int) -> np.ndarray:
+    r"""Points that fill a unit cube evenly, any number of them: Kronecker's sequence.
+
+    $x_{kj} = \{s_j + k r^{-j}\}$ with $r^{d+1} = r + 1$, in one dimension the golden ratio, and the
+    first point $s$ at random (Roberts 2018, "The unreasonable effectiveness of quasirandom
+    sequences"). SciPy's statistics, where Sobol's is, take longer to import than a search takes.
+
+    **Arguments:**
+
+    - `dimension`: $d$ of the cube.
+    - `count`: of points.
+    - `seed`: of the first point.
+
+    **Returns:**
+
+    Shape `[count, dimension]` [-].
+    """
+    ratio = 2.0
+    for _ in range(64):
+        ratio = (1.0 + ratio) ** (1.0 / (dimension + 1))
+    steps = ratio ** -np.arange(1.0, dimension + 1)
+    return (np.random.default_rng(seed).random(dimension) + np.outer(np.arange(count), steps)) % 1.0
 
 
 def sobol(dimension: int, count: int, seed: int) -> np.ndarray:

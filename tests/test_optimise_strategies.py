@@ -7,9 +7,11 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import scipy
 from helpers import assert_close
 
 import optimise
+from optimise._strategies import kronecker, sobol
 
 BOX = optimise.Box([-2.0, 0.0], [2.0, 10.0])
 START = np.array([-1.2, 1.0])
@@ -150,8 +152,27 @@ def test_many_starts_leave_out_what_cannot_be_evaluated():
     assert_close(found[0].value, -2.0, rtol=1e-6, atol=0.0)
     with pytest.raises(FloatingPointError, match="not finite at any of 64 points"):
         optimise.multi_start(lambda x: jnp.nan * x[0], BOX)
+    with pytest.raises(FloatingPointError, match="not finite at any of 48 points"):
+        optimise.multi_start(lambda x: jnp.nan * x[0], BOX, candidates=48)
+
+
+def test_kroneckers_sequence_fills_a_cube_evenly():
+    golden = 0.5 * (math.sqrt(5.0) - 1.0)
+    line = kronecker(1, 100, 3)[:, 0]
+    assert_close(np.mod(np.diff(line), 1.0), np.full(99, golden), rtol=1e-12, atol=0.0)
+    # Of multiples of the golden ratio gaps have two lengths or three (Steinhaus), all near 1/n.
+    gaps = np.diff(np.sort(line))
+    assert np.unique(gaps.round(12)).size <= 3
+    assert 0.3 < 100 * gaps.min() < 100 * gaps.max() < 2.0
+    corners = np.random.default_rng(0).random((4000, 3))
+    farthest = lambda points: scipy.spatial.cKDTree(points).query(corners)[0].max()
+    even = kronecker(3, 128, 0)
+    assert even.min() >= 0.0
+    assert even.max() < 1.0
+    assert farthest(even) < 1.2 * farthest(sobol(3, 128, 0))
+    assert farthest(even) < 0.9 * farthest(np.random.default_rng(1).random((128, 3)))
     with pytest.raises(ValueError, match="Take 32 or 64"):
-        optimise.multi_start(_two_holes, BOX, candidates=48)
+        sobol(3, 48, 0)
 
 
 def _wrinkled(x, width):
