@@ -283,13 +283,14 @@ def chart(lines: list[Line], path: Path) -> None:
     )
     for axis, case in zip(axes[0], cases, strict=True):
         own = [line for line in lines if line.case == case]
-        for kind, marker in (("natural", "o-"), ("excited", "s")):
+        for kind, marker in (("natural", "o-"), ("excited", "s"), ("scene", "r*")):
             some = sorted((x for x in own if x.model.startswith(kind)), key=lambda x: x.seconds)
             worst = [max(x.errors["force"]) for x in some]
-            axis.loglog([x.seconds for x in some], worst, marker, label=kind)
+            label = "default" if kind == "scene" else kind
+            axis.loglog([x.seconds for x in some], worst, marker, label=label)
             for x, error in zip(some, worst, strict=True):
                 axis.annotate(
-                    x.model.split(":")[1],
+                    "".join(x.model.split(":")[1:2]),
                     (x.seconds, error),
                     xytext=(4, 4),
                     textcoords="offset points",
@@ -300,7 +301,7 @@ def chart(lines: list[Line], path: Path) -> None:
         axis.grid(which="both", alpha=0.3)
     plain = lambda value, _: f"{value:g}"
     for axis, places in (
-        (axes[0][0].xaxis, [0.1, 0.2, 0.5]),
+        (axes[0][0].xaxis, [0.05, 0.1, 0.2, 0.5, 1.0]),
         (axes[0][0].yaxis, [0.01, 0.1, 1, 10]),
     ):
         axis.set_major_locator(FixedLocator(places))
