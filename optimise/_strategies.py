@@ -69,9 +69,9 @@ def best_starts(
 
     - `objective`: traceable by JAX.
     - `box`: bounds.
-    - `candidates`: points of Kronecker's sequence, all evaluated in one call.
+    - `candidates`: points of Halton's sequence, all evaluated in one call.
     - `starts`: how many to take: the best, and the next best that are apart.
-    - `seed`: of the sequence's first point.
+    - `seed`: of the sequence's shift.
 
     **Returns:**
 
@@ -81,7 +81,7 @@ def best_starts(
 
     - `FloatingPointError` if no candidate can be evaluated.
     """
-    unit = kronecker(len(box.lower), candidates, seed)
+    unit = halton(len(box.lower), candidates, seed)
     points = box.from_unit(unit)
     values = batched(objective)(points)
     if not np.isfinite(values).any():
@@ -99,28 +99,37 @@ def best_starts(
     return points[chosen]
 
 
-def kronecker(dimension: int, count: int, seed: int) -> np.ndarray:
-    r"""Points that fill a unit cube evenly, any number of them: Kronecker's sequence.
+def halton(dimension: int, count: int, seed: int) -> np.ndarray:
+    """Points that fill a unit cube evenly, any number of them: Halton's sequence (Halton 1960).
 
-    $x_{kj} = \{s_j + k r^{-j}\}$ with $r^{d+1} = r + 1$, in one dimension the golden ratio, and the
-    first point $s$ at random (Roberts 2018, "The unreasonable effectiveness of quasirandom
-    sequences"). SciPy's statistics, where Sobol's is, take longer to import than a search takes.
+    Each coordinate has the digits of the point's number behind the point, mirrored, to a prime base
+    of its own; all are shifted at random, round the cube. SciPy's statistics, where Sobol's
+    sequence is, take longer to import than a search takes.
 
     **Arguments:**
 
-    - `dimension`: $d$ of the cube.
+    - `dimension`: of the cube.
     - `count`: of points.
-    - `seed`: of the first point.
+    - `seed`: of the shift.
 
     **Returns:**
 
     Shape `[count, dimension]` [-].
     """
-    ratio = 2.0
-    for _ in range(64):
-        ratio = (1.0 + ratio) ** (1.0 / (dimension + 1))
-    steps = ratio ** -np.arange(1.0, dimension + 1)
-    return (np.random.default_rng(seed).random(dimension) + np.outer(np.arange(count), steps)) % 1.0
+    bases: list[int] = []
+    number = 2
+    while len(bases) < dimension:
+        if all(number % base for base in bases):
+            bases.append(number)
+        number += 1
+    points = np.random.default_rng(seed).random((1, dimension)).repeat(count, axis=0)
+    for own, base in zip(points.T, bases, strict=True):
+        digits, place = np.arange(count), 1.0
+        while digits.any():
+            place /= base
+            own += place * (digits % base)
+            digits //= base
+    return points % 1.0
 
 
 def sobol(dimension: int, count: int, seed: int) -> np.ndarray:

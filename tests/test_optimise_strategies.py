@@ -11,7 +11,7 @@ import scipy
 from helpers import assert_close
 
 import optimise
-from optimise._strategies import kronecker, sobol
+from optimise._strategies import halton, sobol
 
 BOX = optimise.Box([-2.0, 0.0], [2.0, 10.0])
 START = np.array([-1.2, 1.0])
@@ -156,21 +156,19 @@ def test_many_starts_leave_out_what_cannot_be_evaluated():
         optimise.multi_start(lambda x: jnp.nan * x[0], BOX, candidates=48)
 
 
-def test_kroneckers_sequence_fills_a_cube_evenly():
-    golden = 0.5 * (math.sqrt(5.0) - 1.0)
-    line = kronecker(1, 100, 3)[:, 0]
-    assert_close(np.mod(np.diff(line), 1.0), np.full(99, golden), rtol=1e-12, atol=0.0)
-    # Of multiples of the golden ratio gaps have two lengths or three (Steinhaus), all near 1/n.
-    gaps = np.diff(np.sort(line))
-    assert np.unique(gaps.round(12)).size <= 3
-    assert 0.3 < 100 * gaps.min() < 100 * gaps.max() < 2.0
-    corners = np.random.default_rng(0).random((4000, 3))
-    farthest = lambda points: scipy.spatial.cKDTree(points).query(corners)[0].max()
-    even = kronecker(3, 128, 0)
+_RANDOM = np.random.default_rng(1).random((128, 3))
+
+
+def test_haltons_sequence_fills_a_cube_evenly():
+    # 0, 1, 2, 3 to base 2 and to base 3, mirrored, but for the shift.
+    by_hand = np.array([[0.0, 0.0], [1 / 2, 1 / 3], [1 / 4, 2 / 3], [3 / 4, 1 / 9]])
+    found = halton(2, 4, 3)
+    assert_close((found - found[:1]) % 1.0, by_hand, rtol=1e-14, atol=1e-15)
+    even = halton(3, 128, 0)
     assert even.min() >= 0.0
     assert even.max() < 1.0
-    assert farthest(even) < 1.2 * farthest(sobol(3, 128, 0))
-    assert farthest(even) < 0.9 * farthest(np.random.default_rng(1).random((128, 3)))
+    uneven = scipy.stats.qmc.discrepancy
+    assert uneven(even) < 0.2 * uneven(_RANDOM)
     with pytest.raises(ValueError, match="Take 32 or 64"):
         sobol(3, 48, 0)
 
