@@ -272,20 +272,21 @@ def compared(rows: dict[str, Any]) -> list[Line]:
 
 
 def chart(lines: list[Line], path: Path) -> None:
-    """Largest error of the largest mesh force against processor time, by scene and relief."""
+    """Largest errors of mesh force and RMS of TE against processor time, by scene and relief."""
     import matplotlib.pyplot as plt
+    import numpy as np
     from matplotlib.ticker import FixedLocator, NullLocator
 
-    cases = list(dict.fromkeys(line.case for line in lines))
-    size = (3.0 * len(cases), 3.2)
+    cases = sorted({line.case for line in lines})
+    shown = "force", "te_rms"
     figure, axes = plt.subplots(
-        1, len(cases), figsize=size, sharex=True, sharey=True, squeeze=False
+        2, len(cases), figsize=(3.0 * len(cases), 5.8), sharex=True, sharey=True, squeeze=False
     )
-    for axis, case in zip(axes[0], cases, strict=True):
-        own = [line for line in lines if line.case == case]
+    for (row, column), axis in np.ndenumerate(axes):
+        key, own = shown[row], [line for line in lines if line.case == cases[column]]
         for kind, marker in (("natural", "o-"), ("excited", "s"), ("scene", "r*")):
             some = sorted((x for x in own if x.model.startswith(kind)), key=lambda x: x.seconds)
-            worst = [max(x.errors["force"]) for x in some]
+            worst = [max(x.errors[key]) for x in some]
             label = "default" if kind == "scene" else kind
             axis.loglog([x.seconds for x in some], worst, marker, label=label)
             for x, error in zip(some, worst, strict=True):
@@ -296,18 +297,21 @@ def chart(lines: list[Line], path: Path) -> None:
                     textcoords="offset points",
                     fontsize=8,
                 )
-        axis.set_title(case, fontsize=9)
-        axis.set_xlabel("processor time of a speed [s]", fontsize=8)
         axis.grid(which="both", alpha=0.3)
+        if row == 0:
+            axis.set_title(cases[column], fontsize=9)
+        else:
+            axis.set_xlabel("processor time of a speed [s]", fontsize=8)
+        if column == 0:
+            axis.set_ylabel(f"largest error, {NUMBERS[key]} [%]", fontsize=8)
     plain = lambda value, _: f"{value:g}"
     for axis, places in (
-        (axes[0][0].xaxis, [0.05, 0.1, 0.2, 0.5, 1.0]),
+        (axes[0][0].xaxis, [0.05, 0.2, 1.0, 5.0]),
         (axes[0][0].yaxis, [0.01, 0.1, 1, 10]),
     ):
         axis.set_major_locator(FixedLocator(places))
         axis.set_minor_locator(NullLocator())
         axis.set_major_formatter(plain)
-    axes[0][0].set_ylabel("largest error of the mesh force [%]", fontsize=8)
     axes[0][0].legend(fontsize=8)
     figure.tight_layout()
     figure.savefig(path, dpi=130)
