@@ -7,10 +7,12 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import xarray as xr
 
 from jaxgear._checks import InputError
 from jaxgear._cli._main import main
 from jaxgear.plot._compare_atlas import comparison_pictures
+from jaxgear.plot._compare_pictures import error_over_time
 from jaxgear.scene._rewriting import write_scene
 from jaxgear.scene._scene import SceneError, example_scene, read_scene
 from jaxgear.scene._schema import STATIC_RESPONSES
@@ -576,3 +578,18 @@ def test_words_say_what_slices_apart_suffice_for():
     assert words_of_teeth(rows, 0.02) == said(good=mean, rest=factor)
     assert words_of_teeth(rows, 0.001) == said(good="nothing", rest=f"{mean}, {factor}")
     assert words_of_teeth(rows, 0.3).endswith(f"suffices for {mean}, {factor}.")
+
+
+def test_lines_of_a_chart_lead_to_what_takes_longer_alone():
+    """From 800 natural modes no line leads back to 100 excited shapes."""
+    about = lambda name, unit: {"long_name": name, "units": unit}
+    names, times = ["100", "800", "100 excited", "200 excited"], [1.0, 9.0, 0.5, 2.0]
+    errors = ("level", [0.1, 1e-3, 0.05, 5e-3], {**about("error", "1"), "recommended": ""})
+    levels = xr.Dataset(
+        {"error_te_rms": errors, "time_s": ("level", times, about("time", "s"))},
+        {"name": ("level", names), "family": ("level", ["modes"] * 4)},
+        {"title": "levels", "tolerance": 0.02},
+    )
+    lines = error_over_time(levels, "te_rms").axes[0].lines
+    drawn = [np.asarray(line.get_xdata()) for line in lines if line.get_linestyle() == "-"]
+    assert [x.tolist() for x in drawn] == [[1.0, 9.0], [0.5, 2.0]]
