@@ -4,7 +4,9 @@ It is an archive, see `write_archive`, in which every array of `ReducedBody` is 
 own name, little-endian float64 or int64; an array that is None is left out. Its text has `name`,
 `seats`, `interior`, `probes` and `facts`. Of a body of equal sectors a matrix is in two parts, of
 which it is made again to the last digit: `NAME.sector`, what the first sector of the rim says to
-those ahead, and `NAME.others`, the rows of the seats and interior shapes.
+those ahead, and `NAME.others`, the rows of the seats and interior shapes. Its interior shapes are
+there on two sectors, `interior_shapes.sector`, with their numbers of waves around,
+`interior_shapes.waves`.
 """
 
 import os
@@ -17,6 +19,7 @@ from ._artefact import ReducedBody
 from ._body_checks import AGAIN, OPTIONAL, check_body
 from ._checks import require
 from ._equal_sectors import MATRICES, EqualSectors, equal_sectors, signs
+from ._sector_shapes import SectorShapes, sector_shapes
 
 _FLOATS = ("stiffness", "mass", "centrifugal_load", "rim_nodes", "seat_points", "probe_points")
 _FLOATS += ("probe_rows", "nodes", "interior_shapes")
@@ -25,6 +28,7 @@ _KINDS: dict[str, str] = {name: "<f8" for name in _FLOATS + OPTIONAL}
 _KINDS |= {name: "<i8" for name in _INTEGERS}
 # Parts of a matrix of equal sectors.
 _SECTOR, _OTHERS = ".sector", ".others"
+_SHAPES, _WAVES = "interior_shapes", "interior_shapes.waves"
 
 
 def write_body(path: str | os.PathLike, body: ReducedBody) -> str:
@@ -113,6 +117,12 @@ def _packed(body: ReducedBody) -> tuple[dict[str, np.ndarray], str]:
             if name in arrays and (parts := _parts(arrays[name], sectors, signs(name))):
                 del arrays[name]
                 arrays |= {name + _SECTOR: parts.sector, name + _OTHERS: parts.others}
+    grid = equal_sectors(body.nodes, body.facts) if body.interior_shapes.size else None
+    if grid is not None:
+        waves, two = found = sector_shapes(arrays[_SHAPES], grid)
+        if np.array_equal(found.whole(grid), arrays[_SHAPES]):
+            del arrays[_SHAPES]
+            arrays |= {_SHAPES + _SECTOR: two, _WAVES: waves.astype("<i8")}
     about = {
         "name": body.name,
         "seats": list(body.seats),
@@ -149,7 +159,10 @@ def _whole(
     packed: dict[str, np.ndarray], about: dict[str, Any], path: object
 ) -> dict[str, np.ndarray]:
     """The arrays of a file, its matrices whole again."""
-    arrays = {name: x for name, x in packed.items() if not name.endswith((_SECTOR, _OTHERS))}
+    parts = _SECTOR, _OTHERS, _WAVES
+    arrays = {name: x for name, x in packed.items() if not name.endswith(parts)}
+    if _SHAPES + _SECTOR in packed and _WAVES in packed:
+        arrays[_SHAPES] = _whole_shapes(packed, about, path)
     named = [name for name in MATRICES if name + _SECTOR in packed and name + _OTHERS in packed]
     if not named:
         return arrays
@@ -177,3 +190,21 @@ def _whole(
         )
         arrays[name] = _Parts(rows, others).joined(sectors, signs(name))
     return arrays
+
+
+def _whole_shapes(packed: dict[str, np.ndarray], about: dict[str, Any], path: object) -> np.ndarray:
+    """The interior shapes of a file on all of its nodes."""
+    waves, two = packed[_WAVES], packed[_SHAPES + _SECTOR]
+    grid = equal_sectors(packed.get("nodes", np.zeros((0, 3))), about.get("facts", {}))
+    require(
+        grid is not None
+        and two.shape == (len(waves), 2, grid.nodes.shape[1], 3)
+        and bool(np.all((waves >= 0) & (2 * waves <= len(grid.nodes)))),
+        "The interior shapes of the file {path} must be waves around its nodes, which repeat from "
+        "sector to sector, got the shapes {two} and {waves}. " + AGAIN,
+        path=path,
+        two=list(two.shape),
+        waves=list(waves.shape),
+    )
+    assert grid is not None
+    return SectorShapes(waves, two).whole(grid)

@@ -24,6 +24,7 @@ from ._equal_sectors import evened
 from ._hold import FixedInterface, boundary_of, fixed_interface
 from ._modes import free_modes, lowest_modes, scale_of
 from ._seats import dofs_of
+from ._sector_shapes import of_one_wave_each
 from ._symmetry import Rotation
 
 METHODS = ("herting", "craig-bampton", "guyan")
@@ -169,7 +170,7 @@ def condense(
             reduced = _rotating(held, basis, reduced)
     # All matrices are there twice next: what is not needed any more makes room.
     del basis, interior, stiffness, mass
-    return evened(reduced)
+    return of_one_wave_each(evened(reduced))
 
 
 def _check_method(method: str, modes: int) -> None:

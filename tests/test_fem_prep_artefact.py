@@ -30,7 +30,8 @@ from fem_prep._cache import (
     key_of,
 )
 from fem_prep._checks import BodyError
-from fem_prep._equal_sectors import evened
+from fem_prep._equal_sectors import equal_sectors, evened
+from fem_prep._sector_shapes import of_one_wave_each
 
 DOF = 3 * 4 + 6 + 2
 
@@ -434,6 +435,47 @@ def test_a_body_is_evened_by_no_more_than_rounding(monkeypatch):
         assert np.array_equal(getattr(evened(body), name), getattr(body, name)), name
 
 
+def test_interior_shapes_are_kept_on_two_sectors_and_come_back_to_the_last_digit(tmp_path):
+    path, body = tmp_path / "wheel.body", _of_sectors()
+    digest = write_body(path, body)
+    packed, _ = _body_file._packed(body)
+    assert "interior_shapes" not in packed
+    assert 12 * packed["interior_shapes.sector"].nbytes == body.interior_shapes.nbytes
+    found = read_body(path)
+    assert np.array_equal(found.interior_shapes, body.interior_shapes)
+    assert content_hash(found) == digest
+    # In its own frame each sector is twice the cosine of the one before, less that before it.
+    sectors = equal_sectors(body.nodes, body.facts)
+    assert sectors is not None
+    local = np.einsum("sij,msei->msej", sectors.turns, body.interior_shapes[:, sectors.nodes])
+    twice = 2.0 * np.cos(2.0 * np.pi / 24 * packed["interior_shapes.waves"])
+    before, own, after = (np.roll(local, shift, axis=1) for shift in (1, 0, -1))
+    size = np.abs(local).max()
+    np.testing.assert_allclose(after + before, twice[:, None, None, None] * own, 0.0, 1e-9 * size)
+    # What is no wave is kept whole.
+    shapes = body.interior_shapes.copy()
+    shapes[0, 5, 1] += 1e-9 * size
+    write_body(path, dataclasses.replace(body, interior_shapes=shapes))
+    assert np.array_equal(read_body(path).interior_shapes, shapes)
+
+
+def test_shapes_are_made_waves_by_no_more_than_rounding(monkeypatch):
+    body = _of_sectors()
+    monkeypatch.setattr(_condense, "of_one_wave_each", lambda body: body)
+    hybrid_cases.body.cache_clear()
+    try:
+        before = hybrid_cases.body("spur", 1, modes=8, rotating=True)
+    finally:
+        hybrid_cases.body.cache_clear()
+    own, new = before.interior_shapes, body.interior_shapes
+    assert np.abs(new - own).max() < 1e-11 * np.abs(own).max()
+    assert np.array_equal(of_one_wave_each(body).interior_shapes, new)
+    # Mixed, shapes of two numbers of waves are left as they are.
+    mixed = np.tensordot(np.ones((8, len(new))), new, axes=1)
+    mixed = dataclasses.replace(body, interior_shapes=mixed)
+    assert of_one_wave_each(mixed) is mixed
+
+
 def test_what_is_not_the_same_in_every_sector_is_kept_whole(tmp_path):
     body, path = _of_sectors(), tmp_path / "wheel.body"
     mass = body.mass.copy()
@@ -460,6 +502,11 @@ def test_parts_that_do_not_fit_are_refused(tmp_path):
     _archive.write_archive(path, moved, text)
     with pytest.raises(BodyError, match="must repeat from sector to sector"):
         read_body(path)
+    for name, wrong in (("sector", np.s_[:, :1]), ("waves", np.s_[:-1])):
+        few = packed | {f"interior_shapes.{name}": packed[f"interior_shapes.{name}"][wrong]}
+        _archive.write_archive(path, few, text)
+        with pytest.raises(BodyError, match=r"interior shapes of the file .* must be waves"):
+            read_body(path)
 
 
 def test_files_of_the_first_format_are_read(tmp_path):
