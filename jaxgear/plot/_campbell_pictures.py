@@ -78,10 +78,13 @@ def _goes_on(dataset: xr.Dataset) -> np.ndarray:
     """
     step = np.diff(dataset["frequency_Hz"].values, axis=0)
     around = np.pad(step, ((1, 1), (0, 0)), "reflect")
-    leap = np.abs(step - 0.5 * (around[:-2] + around[2:]))
+    before, after = around[:-2], around[2:]
+    leap = np.abs(step - 0.5 * (before + after))
     teeth = np.array([dataset.attrs[f"teeth_{gear}"] for gear in GEARS])
     turns = (teeth[0] / teeth)[dataset["gear"].values[1:]] * dataset["speed"].values[1:, None]
-    return leap <= 0.5 * turns / (2.0 * np.pi)
+    # Near rest a turn is little, and a mode that the mesh splits bends by as much.
+    bent = leap <= 4.0 * np.minimum(np.abs(before), np.abs(after))
+    return bent | (leap <= 0.5 * turns / (2.0 * np.pi))
 
 
 def _draw_waves(
