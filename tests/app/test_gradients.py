@@ -135,17 +135,16 @@ def test_rounding_and_kinks_in_the_difference():
     assert not same[0, 1]
 
 
-def test_a_response_that_rounds_is_judged_by_the_longest_step():
-    """A hundredth of it depends on the key; estimates of short steps agree by luck alone."""
+def test_estimates_that_agree_by_luck_do_not_count_in_motion():
+    """A hundredth of a response depends on the key; its rounding, 1e-11, looks like a slope."""
 
     def evaluate(values):
         (x,) = values
-        rounding = 1e-11 * jnp.sin(1e9 * x)
+        rounding = jnp.where(jnp.abs(x - 0.7) < 3e-5, 5e-7 * (x - 0.7), 0.0)
         return jnp.stack([1.0 + 0.01 * jnp.sin(x) + rounding]), (jnp.zeros(1), jnp.ones(1, bool))
 
-    for x in np.linspace(0.3, 0.9, 12):
-        estimate, _ = central_differences(evaluate, np.asarray([x]), np.ones(1), IN_MOTION)
-        assert estimate[0, 0] == pytest.approx(0.01 * np.cos(x), rel=2e-5)
+    estimate, _ = central_differences(evaluate, np.asarray([0.7]), np.ones(1), IN_MOTION)
+    assert estimate[0, 0] == pytest.approx(0.01 * np.cos(0.7), rel=1e-6)
 
 
 def test_a_derivative_is_judged_by_its_difference():
