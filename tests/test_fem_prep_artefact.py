@@ -401,6 +401,16 @@ def _of_sectors(holes: int = 0) -> ReducedBody:
     return hybrid_cases.body("spur", 1, holes=holes, modes=8, rotating=True)
 
 
+def _condensed_without(step: str, monkeypatch) -> ReducedBody:
+    """The body of 24 sectors, condensed without one of the last steps."""
+    monkeypatch.setattr(_condense, step, lambda body: body)
+    hybrid_cases.body.cache_clear()
+    try:
+        return hybrid_cases.body("spur", 1, modes=8, rotating=True)
+    finally:
+        hybrid_cases.body.cache_clear()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("holes", [6, 0])
 def test_equal_sectors_are_kept_once_and_come_back_to_the_last_digit(tmp_path, holes):
@@ -420,13 +430,7 @@ def test_equal_sectors_are_kept_once_and_come_back_to_the_last_digit(tmp_path, h
 
 @pytest.mark.slow
 def test_a_body_is_evened_by_no_more_than_rounding(monkeypatch):
-    body = _of_sectors()
-    monkeypatch.setattr(_condense, "evened", lambda body: body)
-    hybrid_cases.body.cache_clear()
-    try:
-        before = hybrid_cases.body("spur", 1, modes=8, rotating=True)
-    finally:
-        hybrid_cases.body.cache_clear()
+    body, before = _of_sectors(), _condensed_without("evened", monkeypatch)
     for name in MATRICES:
         own, new = getattr(before, name), getattr(body, name)
         assert np.abs(new - own).max() < 1e-12 * np.abs(own).max(), name
@@ -460,13 +464,7 @@ def test_interior_shapes_are_kept_on_two_sectors_and_come_back_to_the_last_digit
 
 
 def test_shapes_are_made_waves_by_no_more_than_rounding(monkeypatch):
-    body = _of_sectors()
-    monkeypatch.setattr(_condense, "of_one_wave_each", lambda body: body)
-    hybrid_cases.body.cache_clear()
-    try:
-        before = hybrid_cases.body("spur", 1, modes=8, rotating=True)
-    finally:
-        hybrid_cases.body.cache_clear()
+    body, before = _of_sectors(), _condensed_without("of_one_wave_each", monkeypatch)
     own, new = before.interior_shapes, body.interior_shapes
     assert np.abs(new - own).max() < 1e-11 * np.abs(own).max()
     assert np.array_equal(of_one_wave_each(body).interior_shapes, new)
