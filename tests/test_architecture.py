@@ -81,6 +81,7 @@ BODY_STAGES = (
     "_artefact",
     "_body_checks",
     "_equal_sectors",
+    "_sector_shapes",
     "_repeated",
     "_archive",
     "_body_file",
